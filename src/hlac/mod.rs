@@ -1,0 +1,30 @@
+//! 3-D higher-order local autocorrelation: from a volume to its 251 exact sums.
+//!
+//! Vocabulary: a *mask* is one of the 251 cell patterns ([`masks`]); a *window* is one placement of the 3x3x3 cube
+//! wholly inside the volume; *sums* are, for each mask, the exact sum over all windows of the product of the
+//! intensities at its cells; *octants* are the eight halves-by-halves-by-halves of the windows.
+//!
+//! Imports only [`crate::volume`]. Exact means exact: every kernel gives the same bits.
+
+pub mod kernel;
+pub mod masks;
+mod sums;
+
+pub use masks::{MASK_COUNT, MASKS, Mask};
+pub use sums::{OctantSums, Sums};
+
+use crate::volume::Volume;
+
+/// The exact sums of a volume's eight octants (of its luma, where it has colour).
+///
+/// ```
+/// use hlacdb::{hlac, volume::Volume};
+/// let volume = Volume::new([3, 3, 3], 1, vec![1; 27])?;
+/// let sums = hlac::extract(&volume).total();
+/// assert_eq!((sums.windows, sums.values[0], sums.values[250]), (1, 1, 1));
+/// # Ok::<(), hlacdb::volume::VolumeError>(())
+/// ```
+pub fn extract(volume: &Volume) -> OctantSums {
+    let grey = volume.luma();
+    kernel::scalar::octants(grey.shape(), grey.voxels())
+}

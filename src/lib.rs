@@ -1,0 +1,4 @@
+//! hlacdb: an embedded database that finds solid textures that look alike.
+
+pub mod hlac;
+pub mod volume;

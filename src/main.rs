@@ -1,0 +1,5 @@
+//! The program `hlacdb`.
+
+fn main() {
+    println!("hlacdb {}", env!("CARGO_PKG_VERSION"));
+}

@@ -1,0 +1,12 @@
+//! Volumes: voxels in memory, and how they come from files.
+//!
+//! A *volume* is a block of `u8` voxels of shape (Z, Y, X) with X fastest, one channel (grey) or three (RGB,
+//! interleaved). Every reader yields this layout, whatever the file's own axis order is, so that a volume has the same
+//! sums in every format. This room stands on the ground: it knows nothing of masks, stores or distances.
+
+mod error;
+#[allow(clippy::module_inception)]
+mod volume;
+
+pub use error::{ReadError, VolumeError};
+pub use volume::{MIN_SIDE, Shape, Volume};

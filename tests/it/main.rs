@@ -1,0 +1,7 @@
+//! The one integration binary: what only the whole program, or real files, can show.
+
+// A test says what it expects by unwrapping it.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod reference_sums;
+mod support;
