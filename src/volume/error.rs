@@ -2,7 +2,7 @@
 
 use std::error::Error;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::Shape;
 
@@ -112,6 +112,24 @@ pub enum VolumeError {
     },
 }
 
+/// A path as it is shown to people and in JSON: bytes that are not UTF-8 and control characters are escaped.
+pub fn display_path(path: &Path) -> String {
+    let mut shown = String::new();
+    for chunk in path.as_os_str().as_encoded_bytes().utf8_chunks() {
+        for character in chunk.valid().chars() {
+            if character.is_control() {
+                shown.extend(character.escape_default());
+            } else {
+                shown.push(character);
+            }
+        }
+        for byte in chunk.invalid() {
+            shown.push_str(&format!("\\x{byte:02x}"));
+        }
+    }
+    shown
+}
+
 /// A file that gave no volume: which one, and why.
 #[derive(Debug)]
 pub struct ReadError {
@@ -123,7 +141,7 @@ pub struct ReadError {
 
 impl fmt::Display for ReadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.path.display().to_string().escape_debug(), self.error)
+        write!(f, "{}: {}", display_path(&self.path), self.error)
     }
 }
 

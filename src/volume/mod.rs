@@ -8,5 +8,5 @@ mod error;
 #[allow(clippy::module_inception)]
 mod volume;
 
-pub use error::{ReadError, VolumeError};
+pub use error::{ReadError, VolumeError, display_path};
 pub use volume::{MIN_SIDE, Shape, Volume};
