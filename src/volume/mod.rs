@@ -5,8 +5,16 @@
 //! sums in every format. This room stands on the ground: it knows nothing of masks, stores or distances.
 
 mod error;
+mod intensity;
+mod read;
+pub mod samples;
+mod source;
 #[allow(clippy::module_inception)]
 mod volume;
 
 pub use error::{ReadError, VolumeError, display_path};
+pub use intensity::{Intensity, IntensityError, Mapping};
+pub use read::read;
+pub use samples::{Endian, SampleType, Samples};
+pub use source::{FileKind, RawLayout, RawTypeError, ReadOptions, Source};
 pub use volume::{MIN_SIDE, Shape, Volume};

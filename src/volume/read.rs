@@ -1,0 +1,72 @@
+//! One door for every kind of file: the kind is told by content first, then by name.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::{FileKind, ReadError, ReadOptions, Source, Volume, VolumeError};
+
+/// The bytes from the start of a file by which its kind is told.
+const HEAD: u64 = 4096;
+
+/// The kinds that [`read`] knows, as an error names them.
+const KNOWN: &str = "npy, npz, NRRD, MetaImage, NIfTI";
+
+/// One kind of file: how it is told and how it is read.
+struct Reader {
+    kind: FileKind,
+    /// The ends of names that are of this kind where the content tells nothing; lower case.
+    endings: &'static [&'static str],
+    /// Whether a file that begins so is of this kind.
+    sniff: fn(&[u8]) -> bool,
+    read: fn(&Path, &ReadOptions) -> Result<(Volume, Source), VolumeError>,
+}
+
+/// Every reader of single files, the first that knows the content reads it.
+const READERS: &[Reader] = &[];
+
+/// The volume in a file, and what is known of its origin.
+///
+/// The kind is told by the content first and by the name only where the content tells nothing. Axes come out as
+/// (Z, Y, X) with X fastest, whatever the format's own order.
+///
+/// # Errors
+/// [`ReadError`] names the file and says what was found, what was expected and what to do; a file that is read without
+/// one was complete, and no more than its header's promise was ever held in memory.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), ReadError> {
+    read_any(path, options).map_err(|error| ReadError { path: path.into(), error })
+}
+
+fn read_any(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
+    let head = head(path)?;
+    let by_content = READERS.iter().find(|reader| (reader.sniff)(&head));
+    let by_name = || READERS.iter().find(|reader| named(path, reader.endings));
+    match by_content.or_else(by_name) {
+        Some(reader) => {
+            tracing::debug!(kind = reader.kind.name(), path = %path.display(), "reading");
+            (reader.read)(path, options)
+        }
+        None => Err(VolumeError::UnknownKind { start: printable(&head), known: KNOWN }),
+    }
+}
+
+/// The first bytes of a file, fewer where it is shorter.
+fn head(path: &Path) -> Result<Vec<u8>, VolumeError> {
+    let io = |source| VolumeError::Io { doing: "opening the file", source };
+    let mut head = Vec::new();
+    File::open(path).map_err(io)?.take(HEAD).read_to_end(&mut head).map_err(io)?;
+    Ok(head)
+}
+
+fn named(path: &Path, endings: &[&str]) -> bool {
+    let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    endings.iter().any(|ending| name.ends_with(ending))
+}
+
+/// The first bytes as an error shows them.
+fn printable(head: &[u8]) -> String {
+    if head.is_empty() {
+        return "nothing: it is empty".into();
+    }
+    format!("\"{}\"", head[..head.len().min(8)].escape_ascii())
+}
