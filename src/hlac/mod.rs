@@ -8,10 +8,13 @@
 
 pub mod kernel;
 pub mod masks;
+pub mod orbits;
 mod sums;
+pub mod views;
 
 pub use masks::{MASK_COUNT, MASKS, Mask};
 pub use sums::{OctantSums, Sums};
+pub use views::{View, describe};
 
 use crate::volume::Volume;
 
