@@ -1,4 +1,5 @@
 //! hlacdb: an embedded database that finds solid textures that look alike.
 
 pub mod hlac;
+pub mod index;
 pub mod volume;
