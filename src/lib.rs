@@ -2,4 +2,5 @@
 
 pub mod hlac;
 pub mod synth;
+pub mod index;
 pub mod volume;

@@ -1,0 +1,60 @@
+//! The scan: every row's key is bounded, the rows whose bound is small enough are measured.
+
+use super::bound::LANES;
+use super::question::{Allowed, Best};
+use super::{Neighbour, Points, Question};
+
+/// Offers all rows from `from` on that may be hits.
+pub(super) fn scan(points: &Points, question: &Question<'_>, from: usize, best: &mut Best) {
+    if let Allowed::Ids(ids) = question.allowed
+        && ids.len() < (points.rows() - from) / GATHER_FRACTION
+    {
+        return gather(points, question, ids, from, best);
+    }
+    let probe = points.probe(question.point);
+    let mut threshold = probe.threshold(best.limit());
+    for block in from / LANES..points.rows().div_ceil(LANES) {
+        let (keys, live) = points.block(block);
+        let bounds = probe.distances(keys);
+        let least = bounds.iter().fold(f32::INFINITY, |least, &bound| if bound < least { bound } else { least });
+        if least > threshold {
+            continue;
+        }
+        for (lane, &bound) in bounds.iter().enumerate() {
+            let row = block * LANES + lane;
+            if bound <= threshold && live >> lane & 1 == 1 && row >= from {
+                measure(points, question, row, best);
+                threshold = probe.threshold(best.limit());
+            }
+        }
+    }
+}
+
+/// A list of ids shorter than this fraction of the rows is looked up id by id.
+const GATHER_FRACTION: usize = 8;
+
+/// Offers the rows of these ids.
+fn gather(points: &Points, question: &Question<'_>, ids: &[u64], from: usize, best: &mut Best) {
+    for &id in ids {
+        if question.exclude != Some(id)
+            && let Some(row) = points.find(id)
+            && row >= from
+        {
+            let distance = points.metric().distance(question.point, points.row(row));
+            best.offer(Neighbour { id, distance });
+        }
+    }
+}
+
+/// Offers one row, if the question's filter lets it through.
+#[inline]
+pub(super) fn measure(points: &Points, question: &Question<'_>, row: usize, best: &mut Best) {
+    let distance = points.metric().distance(question.point, points.row(row));
+    if distance > best.limit() {
+        return;
+    }
+    let id = points.id(row);
+    if question.admits(id) {
+        best.offer(Neighbour { id, distance });
+    }
+}

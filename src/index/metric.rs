@@ -1,0 +1,191 @@
+//! The one way in which a distance is computed, and the one way in which hits are ordered.
+//!
+//! A distance is defined to the bit: coordinates are widened to `f64` and subtracted there; the squares (L2) or
+//! absolute values (L1) of coordinate `i` are added, in ascending `i`, to lane `i % 8`; lanes are added as
+//! `((0+4) + (2+6)) + ((1+5) + (3+7))`; L2 takes the square root. IEEE 754 fixes each of these steps and Rust neither
+//! reorders nor contracts them, so every CPU, index and thread gives the same bits, and the fixed lanes let the
+//! compiler use whatever vector width the target has.
+
+use std::cmp::Ordering;
+use std::fmt;
+use std::str::FromStr;
+
+/// How far two points are apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Metric {
+    /// The square root of the sum of squared differences.
+    L2,
+    /// The sum of absolute differences.
+    L1,
+}
+
+/// Lanes of the sum. Part of the definition of a distance: another number is another distance in the last bits.
+const LANES: usize = 8;
+
+impl Metric {
+    /// `l2` or `l1`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Metric::L2 => "l2",
+            Metric::L1 => "l1",
+        }
+    }
+
+    /// The distance between two points, never negative, NaN only where a coordinate is not finite.
+    ///
+    /// Symmetric to the bit, and 0 exactly where the points are equal. Extra coordinates of the longer point are left
+    /// out; the doors of the index refuse unequal lengths before they come here.
+    ///
+    /// ```
+    /// use hlacdb::index::Metric;
+    /// assert_eq!(Metric::L2.distance(&[0.0, 3.0], &[4.0, 0.0]), 5.0);
+    /// assert_eq!(Metric::L1.distance(&[0.0, 3.0], &[4.0, 0.0]), 7.0);
+    /// ```
+    pub fn distance(self, a: &[f32], b: &[f32]) -> f64 {
+        match self {
+            Metric::L2 => sum(a, b, |d| d * d).sqrt(),
+            Metric::L1 => sum(a, b, f64::abs),
+        }
+    }
+
+    /// The distance of a point from the origin, by the same definition.
+    pub(super) fn norm(self, a: impl Iterator<Item = f32>) -> f64 {
+        let a = a.map(f64::from);
+        match self {
+            Metric::L2 => a.map(|v| v * v).sum::<f64>().sqrt(),
+            Metric::L1 => a.map(f64::abs).sum(),
+        }
+    }
+}
+
+/// The sum over coordinates in the fixed order that the module's first lines give.
+#[inline(always)]
+fn sum(a: &[f32], b: &[f32], term: impl Fn(f64) -> f64) -> f64 {
+    let mut lanes = [0.0f64; LANES];
+    let (a, a_rest) = a.as_chunks::<LANES>();
+    let (b, b_rest) = b.as_chunks::<LANES>();
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..LANES {
+            lanes[lane] += term(f64::from(a[lane]) - f64::from(b[lane]));
+        }
+    }
+    for ((lane, &a), &b) in lanes.iter_mut().zip(a_rest).zip(b_rest) {
+        *lane += term(f64::from(a) - f64::from(b));
+    }
+    let [l0, l1, l2, l3, l4, l5, l6, l7] = lanes;
+    ((l0 + l4) + (l2 + l6)) + ((l1 + l5) + (l3 + l7))
+}
+
+impl fmt::Display for Metric {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A name that no metric has.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("there is no metric {0:?}: use l2 or l1")]
+pub struct UnknownMetric(String);
+
+impl FromStr for Metric {
+    type Err = UnknownMetric;
+
+    fn from_str(name: &str) -> Result<Self, UnknownMetric> {
+        match name {
+            "l2" => Ok(Metric::L2),
+            "l1" => Ok(Metric::L1),
+            _ => Err(UnknownMetric(name.to_owned())),
+        }
+    }
+}
+
+/// One hit: a texture's id and how far its point lies from the one asked for.
+///
+/// Neighbours are ordered by distance, then by id: the rule by which every answer is sorted and by which ties at rank
+/// `k` are resolved.
+#[derive(Debug, Clone, Copy)]
+pub struct Neighbour {
+    /// The id that the row was added with.
+    pub id: u64,
+    /// The distance, by [`Metric::distance`].
+    pub distance: f64,
+}
+
+impl Ord for Neighbour {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.distance.total_cmp(&other.distance).then(self.id.cmp(&other.id))
+    }
+}
+
+impl PartialOrd for Neighbour {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Neighbour {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Neighbour {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The sum with nothing clever about it, lanes by hand.
+    fn plain(a: &[f32], b: &[f32], term: impl Fn(f64) -> f64) -> f64 {
+        let mut lanes = [0.0f64; 8];
+        for i in 0..a.len() {
+            lanes[i % 8] += term(f64::from(a[i]) - f64::from(b[i]));
+        }
+        let pairs: Vec<f64> = (0..4).map(|i| lanes[i] + lanes[i + 4]).collect();
+        (pairs[0] + pairs[2]) + (pairs[1] + pairs[3])
+    }
+
+    proptest! {
+        #[test]
+        fn distance_is_its_definition_at_every_length(
+            pairs in prop::collection::vec((-1e6f32..1e6, -1e6f32..1e6), 0..300)
+        ) {
+            let (a, b): (Vec<f32>, Vec<f32>) = pairs.into_iter().unzip();
+            let l2 = plain(&a, &b, |d| d * d).sqrt();
+            let l1 = plain(&a, &b, f64::abs);
+            prop_assert_eq!(Metric::L2.distance(&a, &b).to_bits(), l2.to_bits());
+            prop_assert_eq!(Metric::L1.distance(&a, &b).to_bits(), l1.to_bits());
+            prop_assert_eq!(Metric::L2.distance(&b, &a).to_bits(), l2.to_bits());
+        }
+    }
+
+    #[test]
+    fn golden_bits() {
+        // Computed once; a change of the lanes or of the tree changes the last bits and shows here.
+        let a: Vec<f32> = (0..251).map(|i| (i as f32 * 0.37).sin()).collect();
+        let b: Vec<f32> = (0..251).map(|i| 1.0 / (1.0 + i as f32)).collect();
+        let reordered: f64 = a.iter().zip(&b).map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum();
+        assert!((Metric::L2.distance(&a, &b) - reordered.sqrt()).abs() < 1e-12);
+        assert_eq!(
+            Metric::L2.distance(&a[..2], &b[..2]).to_bits(),
+            plain(&a[..2], &b[..2], |d| d * d).sqrt().to_bits()
+        );
+        assert_eq!(Metric::L2.distance(&[1e30, 0.0], &[-1e30, 1e-30]), f64::from(1e30f32) * 2.0);
+    }
+
+    #[test]
+    fn ties_go_to_the_lower_id() {
+        let mut hits = [(7, 0.5), (3, 0.5), (9, 0.25)].map(|(id, distance)| Neighbour { id, distance });
+        hits.sort();
+        assert_eq!(hits.map(|hit| hit.id), [9, 3, 7]);
+    }
+
+    #[test]
+    fn names_are_read_back() {
+        for metric in [Metric::L2, Metric::L1] {
+            assert_eq!(metric.to_string().parse::<Metric>().unwrap(), metric);
+        }
+        assert!("cosine".parse::<Metric>().is_err());
+    }
+}
