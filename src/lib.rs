@@ -1,4 +1,5 @@
 //! hlacdb: an embedded database that finds solid textures that look alike.
 
 pub mod hlac;
+pub mod store;
 pub mod volume;
