@@ -3,4 +3,5 @@
 pub mod hlac;
 pub mod synth;
 pub mod index;
+pub mod store;
 pub mod volume;

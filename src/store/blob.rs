@@ -1,0 +1,115 @@
+//! Blobs: named bytes of any length in pieces (statistics, spaces).
+
+use redb::TableDefinition;
+
+use super::frame::{self, Kind};
+use super::tables::{Source, Tables};
+use super::{StoreError, keys, pieces};
+
+/// Payload bytes of a piece before its share of the blob: total length (`u64`), pieces (`u32`), 0 (`u32`).
+const HEAD: usize = 16;
+
+/// One of the tables that keep blobs.
+#[derive(Clone, Copy)]
+pub(super) struct Blobs {
+    pub(super) table: TableDefinition<'static, &'static [u8], &'static [u8]>,
+    pub(super) name: &'static str,
+    pub(super) kind: Kind,
+}
+
+/// The `statistics` table.
+pub(super) const STATISTICS: Blobs = Blobs { table: keys::STATISTICS, name: "statistics", kind: Kind::Statistics };
+/// The `spaces` table.
+pub(super) const SPACES: Blobs = Blobs { table: keys::SPACES, name: "spaces", kind: Kind::Space };
+
+impl Blobs {
+    /// The names of the blobs, ascending.
+    pub(super) fn names(self, tables: Tables<'_>) -> Result<Vec<String>, StoreError> {
+        let table = tables.source.table(self.table)?;
+        let mut names: Vec<String> = Vec::new();
+        for entry in table.range::<&[u8]>(..)? {
+            let (key, _) = entry.map_err(StoreError::when("reading the store"))?;
+            let Some((name, _)) = keys::parse_piece(key.value()) else {
+                return Err(self.damage(&key.value().escape_ascii().to_string(), "the key is malformed"));
+            };
+            if names.last().is_none_or(|last| last != name) {
+                names.push(name.to_owned());
+            }
+        }
+        Ok(names)
+    }
+
+    /// The blob `name`; `None` where there is none.
+    pub(super) fn get(self, tables: Tables<'_>, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        let table = tables.source.table(self.table)?;
+        let mut blob = Vec::new();
+        let (mut number, mut expected) = (0, None);
+        loop {
+            let key = keys::piece(name, number);
+            let Some(value) = table.get(&key[..])? else { break };
+            let payload = frame::open(self.kind, &key, value.value()).map_err(|what| self.damage(name, what))?;
+            let Some((&[t0, t1, t2, t3, t4, t5, t6, t7, p0, p1, p2, p3, 0, 0, 0, 0], share)) =
+                payload.split_first_chunk::<HEAD>()
+            else {
+                return Err(self.damage(name, format!("piece {number} has an odd head")));
+            };
+            let total = (u64::from_le_bytes([t0, t1, t2, t3, t4, t5, t6, t7]), u32::from_le_bytes([p0, p1, p2, p3]));
+            if *expected.get_or_insert(total) != total {
+                return Err(self.damage(name, format!("piece {number} belongs to another blob")));
+            }
+            blob.extend_from_slice(share);
+            number += 1;
+        }
+        match expected {
+            None => Ok(None),
+            Some((bytes, pieces)) if bytes == blob.len() as u64 && pieces == number => Ok(Some(blob)),
+            Some((bytes, pieces)) => Err(self.damage(
+                name,
+                format!("{number} pieces with {} bytes are there, expected {pieces} with {bytes}", blob.len()),
+            )),
+        }
+    }
+
+    /// Writes the blob `name` in place of what was there.
+    pub(super) fn put(self, source: Source<'_>, name: &str, blob: &[u8]) -> Result<(), StoreError> {
+        let Source::Write(transaction) = source else { return Err(StoreError::ReadOnly) };
+        let lengths = pieces::cut(blob.len(), HEAD);
+        let mut table = transaction.open_table(self.table).map_err(StoreError::when("opening a table"))?;
+        let mut rest = blob;
+        for (number, &length) in lengths.iter().enumerate() {
+            let (share, after) = rest.split_at_checked(length).unwrap_or((rest, &[]));
+            rest = after;
+            let key = keys::piece(name, number as u32);
+            let mut builder = frame::Builder::new(self.kind, HEAD + length);
+            builder.payload().extend((blob.len() as u64).to_le_bytes());
+            builder.payload().extend((lengths.len() as u32).to_le_bytes());
+            builder.payload().extend([0; 4]);
+            builder.payload().extend_from_slice(share);
+            table.insert(&key[..], &builder.seal(&key)[..]).map_err(StoreError::when("writing the store"))?;
+        }
+        for number in lengths.len() as u32.. {
+            let gone = table.remove(&keys::piece(name, number)[..]).map_err(StoreError::when("writing the store"))?;
+            if gone.is_none() {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    /// Removes the blob `name`; whether there was one.
+    pub(super) fn remove(self, source: Source<'_>, name: &str) -> Result<bool, StoreError> {
+        let Source::Write(transaction) = source else { return Err(StoreError::ReadOnly) };
+        let mut table = transaction.open_table(self.table).map_err(StoreError::when("opening a table"))?;
+        for number in 0.. {
+            let gone = table.remove(&keys::piece(name, number)[..]).map_err(StoreError::when("writing the store"))?;
+            if gone.is_none() {
+                return Ok(number > 0);
+            }
+        }
+        Ok(true)
+    }
+
+    fn damage(self, key: &str, what: impl Into<String>) -> StoreError {
+        StoreError::damage(self.name, key, what)
+    }
+}
