@@ -4,8 +4,15 @@
 //! interleaved). Every reader yields this layout, whatever the file's own axis order is, so that a volume has the same
 //! sums in every format. This room stands on the ground: it knows nothing of masks, stores or distances.
 
+mod decode;
 mod error;
+mod extent;
 mod intensity;
+mod metaimage;
+mod nifti;
+mod npy;
+mod nrrd;
+mod raw;
 mod read;
 pub mod samples;
 mod source;

@@ -114,6 +114,15 @@ impl Endian {
     pub const NATIVE: Self = if cfg!(target_endian = "big") { Self::Big } else { Self::Little };
 }
 
+/// The number of voxels that these axis lengths promise, checked before memory is taken for them.
+///
+/// # Errors
+/// [`VolumeError::TooLarge`] where it is over the limit.
+pub(super) fn within_limit(lengths: [u128; 3], limit: u64) -> Result<u128, VolumeError> {
+    let voxels = lengths.into_iter().fold(1_u128, u128::saturating_mul);
+    if voxels > u128::from(limit) { Err(VolumeError::TooLarge { voxels, limit }) } else { Ok(voxels) }
+}
+
 /// Decoded samples: X fastest, channels interleaved.
 #[derive(Debug, Clone)]
 pub struct Samples {
