@@ -7,7 +7,7 @@
 //! The header is parsed here and not by a crate: it is a Python literal, and a parser of all of them can be sent into
 //! recursion or overflow by a hostile one.
 
-use std::io::{BufReader, Read};
+use std::io::{self, BufReader, ErrorKind, Read};
 use std::path::Path;
 
 use zip::ZipArchive;
@@ -122,7 +122,13 @@ struct Header {
 impl Header {
     /// The header at the start of a stream, which is left at the first sample.
     fn read(reader: &mut impl Read) -> Result<Self, VolumeError> {
-        let ended = |source| VolumeError::Io { doing: "reading the header of the array", source };
+        let ended = |source: io::Error| match source.kind() {
+            ErrorKind::UnexpectedEof => VolumeError::Malformed {
+                found: "the file ends within the header of the array".into(),
+                expected: "samples should follow it: the file is truncated, fetch or write it again".into(),
+            },
+            _ => VolumeError::Io { doing: "reading the header of the array", source },
+        };
         let mut start = [0; 8];
         reader.read_exact(&mut start).map_err(ended)?;
         let [magic @ .., major, _] = &start;
