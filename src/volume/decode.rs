@@ -280,3 +280,152 @@ pub(super) fn beside(header: &Path, named: &Path) -> Result<PathBuf, VolumeError
     let folder = folder.canonicalize().map_err(missing)?;
     if data.starts_with(&folder) { Ok(data) } else { Err(outside()) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::testing::{Folder, gzip};
+
+    fn bzip2(bytes: &[u8]) -> Vec<u8> {
+        let mut encoder = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::fast());
+        io::Write::write_all(&mut encoder, bytes).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    fn of_gzip(bytes: &[u8], expected: u64) -> Result<Vec<u8>, VolumeError> {
+        exactly(Members::gzip(bytes), expected, "the gzip data")
+    }
+
+    #[test]
+    fn members_follow_one_another_and_what_is_none_is_ignored() {
+        let two = [gzip(b"first "), gzip(b"second")].concat();
+        assert_eq!(of_gzip(&two, 12).unwrap(), b"first second");
+        let padded = [&two[..], &[0; 512], b"rubbish"].concat();
+        assert_eq!(of_gzip(&padded, 12).unwrap(), b"first second");
+        let streams = [bzip2(b"first "), bzip2(b"second"), vec![0; 9]].concat();
+        assert_eq!(exactly(Members::bzip2(&streams[..]), 12, "the bzip2 data").unwrap(), b"first second");
+    }
+
+    #[test]
+    fn a_wrong_checksum_is_damage() {
+        let mut bytes = gzip(b"first second");
+        let checksum = bytes.len() - 8;
+        bytes[checksum] ^= 1;
+        assert!(matches!(of_gzip(&bytes, 12), Err(VolumeError::Decode { .. })));
+        assert!(matches!(of_gzip(b"no gzip at all", 12), Err(VolumeError::Decode { .. })));
+    }
+
+    #[test]
+    fn what_ends_early_says_how_far_it_came() {
+        let short = of_gzip(&gzip(&[1; 100]), 101);
+        assert!(matches!(short, Err(VolumeError::Truncated { expected: 101, found: 100 })), "{short:?}");
+        let noise: Vec<u8> = (0..10_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        let packed = gzip(&noise);
+        let cut = of_gzip(&packed[..packed.len() / 2], 10_000);
+        assert!(matches!(cut, Err(VolumeError::Truncated { expected: 10_000, found: 1.. })), "{cut:?}");
+    }
+
+    #[test]
+    fn a_bomb_stops_at_its_promise() {
+        // 256 MiB of zeros in 256 KiB.
+        let bomb = gzip(&vec![0; 256 << 20]);
+        let bytes = of_gzip(&bomb, 1000).unwrap();
+        assert_eq!((bytes.len(), bytes.capacity()), (1000, 1000));
+    }
+
+    #[test]
+    fn memory_is_taken_as_bytes_arrive() {
+        struct Meter(u64);
+        impl Read for Meter {
+            fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+                assert!(buffer.len() as u64 <= AHEAD.max(self.0), "no more ahead than what has come");
+                let read = buffer.len().min(100_000).min((40 << 20) - self.0 as usize);
+                self.0 += read as u64;
+                Ok(read)
+            }
+        }
+        let short = exactly(Meter(0), 1 << 50, "the data");
+        assert!(matches!(short, Err(VolumeError::Truncated { found, .. }) if found == 40 << 20), "{short:?}");
+    }
+
+    #[test]
+    fn text_and_hex() {
+        let numbers = |text: &str, count, ty| super::text(text.as_bytes(), count, ty);
+        assert_eq!(numbers(" 1 2,3\n\n255 rest", 4, SampleType::U8).unwrap(), [1, 2, 3, 255]);
+        assert_eq!(numbers("-1 256", 2, SampleType::I16).unwrap(), [255, 255, 0, 1]);
+        assert_eq!(
+            numbers("0.5 1e3", 2, SampleType::F32).unwrap(),
+            [0.5_f32.to_le_bytes(), 1e3_f32.to_le_bytes()].concat()
+        );
+        for bad in ["256", "x", "-1", "1.5", &"9".repeat(1000)] {
+            assert!(matches!(numbers(bad, 1, SampleType::U8), Err(VolumeError::Malformed { .. })), "{bad}");
+        }
+        let short = numbers("1 2", 1 << 40, SampleType::F64);
+        assert!(matches!(short, Err(VolumeError::Truncated { found: 16, .. })), "{short:?}");
+        assert_eq!(hex(&b"00 fF\n1 0rest"[..], 3).unwrap(), [0, 255, 16]);
+        assert!(matches!(hex(&b"00 f"[..], 2), Err(VolumeError::Truncated { expected: 2, found: 1 })));
+        assert!(matches!(hex(&b"0g"[..], 1), Err(VolumeError::Malformed { .. })));
+    }
+
+    #[test]
+    fn lines_are_counted_in_bytes() {
+        let folder = Folder::new();
+        let path = folder.write("lines", b"one\r\n two \n\nlast");
+        let mut lines = HeaderLines::open(&path).unwrap();
+        let mut found = Vec::new();
+        while let Some(line) = lines.next().unwrap() {
+            found.push((line, lines.position));
+        }
+        let expected = [("one", 5), ("two", 11), ("", 12), ("last", 16)];
+        assert_eq!(found, expected.map(|(line, position)| (line.to_owned(), position)));
+        assert_eq!(after_lines(&path, 0, 2).unwrap(), 11);
+        assert_eq!(after_lines(&path, 5, 0).unwrap(), 5);
+        assert!(matches!(after_lines(&path, 0, u64::MAX), Err(VolumeError::Malformed { .. })));
+    }
+
+    #[test]
+    fn a_header_without_end_is_given_up() {
+        let folder = Folder::new();
+        for endless in [vec![b'a'; 3 << 20], b"a: b\n".repeat(1 << 19)] {
+            let mut lines = HeaderLines::open(&folder.write("endless", endless)).unwrap();
+            let error = loop {
+                match lines.next() {
+                    Ok(line) => assert!(line.is_some()),
+                    Err(error) => break error,
+                }
+            };
+            assert!(matches!(error, VolumeError::Malformed { .. }), "{error}");
+        }
+    }
+
+    #[test]
+    fn only_files_beside_the_header_or_below_are_found() {
+        let folder = Folder::new();
+        let inner = folder.path().join("inner");
+        std::fs::create_dir_all(inner.join("below")).unwrap();
+        folder.write("outside.raw", b"");
+        folder.write("inner/data 1.raw", b"");
+        folder.write("inner/below/data.raw", b"");
+        let header = inner.join("header.nhdr");
+        let named = |name: &str| beside(&header, Path::new(name));
+        assert!(named("data 1.raw").is_ok());
+        assert!(named("./below/data.raw").is_ok());
+        let absolute = inner.join("data 1.raw");
+        for outside in ["../outside.raw", "below/../data 1.raw", "..", "/etc/passwd", absolute.to_str().unwrap()] {
+            assert!(matches!(named(outside), Err(VolumeError::Outside { .. })), "{outside}");
+        }
+        for missing in ["none.raw", "data 1.raw/more"] {
+            assert!(matches!(named(missing), Err(VolumeError::DataFile { .. })), "{missing}");
+        }
+        #[cfg(unix)]
+        {
+            let link = |to: &str, name: &str| std::os::unix::fs::symlink(to, inner.join(name)).unwrap();
+            link("../outside.raw", "out");
+            link("below/data.raw", "in");
+            link("loop", "loop");
+            assert!(matches!(named("out"), Err(VolumeError::Outside { .. })));
+            assert!(named("in").is_ok());
+            assert!(matches!(named("loop"), Err(VolumeError::DataFile { .. })));
+        }
+    }
+}

@@ -8,7 +8,8 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::PathBuf;
 
-use super::samples::{Scaling, within_limit};
+use super::levels::Scaling;
+use super::samples::within_limit;
 use super::{Endian, FileKind, MIN_SIDE, ReadOptions, SampleType, Samples, Shape, Source, Volume, VolumeError, decode};
 
 /// Where and how samples lie in a file.
@@ -233,5 +234,106 @@ impl Extent {
     fn decoded(&self, mut stream: impl Read, what: &'static str) -> Result<Vec<u8>, VolumeError> {
         decode::skip(&mut stream, self.skip, what)?;
         decode::exactly(stream, self.bytes(), what)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::volume::testing::{Folder, SHAPE, encode, samples, volume};
+
+    const LIMIT: u64 = 1 << 32;
+
+    fn c_order(lengths: &[u64]) -> Vec<Axis> {
+        let mut axes = dense(lengths.iter().rev().copied());
+        axes.reverse();
+        axes
+    }
+
+    #[test]
+    fn three_axes_or_four_with_colour_are_a_volume() {
+        for (lengths, shape, channels) in [
+            (&[5, 7, 9][..], [5, 7, 9], 1),
+            (&[5, 7, 3], [5, 7, 3], 1),
+            (&[5, 7, 9, 3], [5, 7, 9], 3),
+            (&[5, 7, 9, 4], [5, 7, 9], 4),
+            (&[1, 5, 7, 9], [5, 7, 9], 1),
+            (&[5, 7, 9, 1], [5, 7, 9], 1),
+            (&[1, 5, 7, 9, 1, 3], [5, 7, 9], 3),
+        ] {
+            let axes = Axes::new(&c_order(lengths), LIMIT).unwrap();
+            assert_eq!((axes.shape, axes.channels), (shape, channels), "{lengths:?}");
+        }
+    }
+
+    #[test]
+    fn other_axes_are_none() {
+        for lengths in [&[][..], &[5], &[7, 9], &[5, 7, 9, 2], &[5, 7, 9, 5], &[1, 1, 7, 9], &[3, 5, 7, 9], &[4; 5]] {
+            let error = Axes::new(&c_order(lengths), LIMIT).unwrap_err();
+            assert!(matches!(&error, VolumeError::Dimensions { found } if found == lengths), "{lengths:?} {error}");
+        }
+        for lengths in [&[0, 7, 9][..], &[5, 2, 9], &[1, 20, 30, 3], &[0, u64::MAX, u64::MAX]] {
+            assert!(matches!(Axes::new(&c_order(lengths), LIMIT), Err(VolumeError::TooSmall { .. })), "{lengths:?}");
+        }
+        for lengths in [[1 << 12, 1 << 12, (1 << 8) + 1], [u64::MAX; 3], [3, 3, 1 << 62]] {
+            assert!(matches!(Axes::new(&c_order(&lengths), LIMIT), Err(VolumeError::TooLarge { .. })));
+            // No limit of the caller's lets through what would overflow.
+            let unlimited = Axes::new(&c_order(&lengths), u64::MAX);
+            assert!(unlimited.is_err() || unlimited.unwrap().interleaved(4).shape[0] == 1 << 12);
+        }
+    }
+
+    proptest! {
+        /// Stored in any order of the axes, samples end up where their voxel is.
+        #[test]
+        fn any_order_of_axes_is_brought_into_ours(
+            order in Just(vec![0_usize, 1, 2, 3]).prop_shuffle(),
+            shape in prop::array::uniform3(3_usize..40),
+            colour in any::<bool>(),
+            size in prop::sample::select(vec![1_usize, 2, 4, 8]),
+        ) {
+            let channels = if colour { 3 } else { 1 };
+            let lengths = [shape[0], shape[1], shape[2], channels];
+            let stored = dense(order.iter().map(|&axis| lengths[axis] as u64));
+            let mut found = vec![Axis { length: 0, stride: 0 }; 4];
+            order.iter().zip(&stored).for_each(|(&axis, &is)| found[axis] = is);
+            let axes = Axes::new(if colour { &found } else { &found[..3] }, LIMIT).unwrap();
+            // Each sample holds its own place in the file.
+            let count = lengths.iter().product::<usize>();
+            let bytes: Vec<u8> = (0..count as u64).flat_map(|place| place.to_le_bytes()[..size].to_vec()).collect();
+            let arranged = axes.arrange(bytes, size);
+            for (index, sample) in arranged.chunks(size).enumerate() {
+                let [_, height, width, channels] = lengths;
+                let position = [index / channels / width / height, index / channels / width % height,
+                    index / channels % width, index % channels];
+                let place: u128 = position.iter().zip(&found).map(|(&at, axis)| at as u128 * axis.stride).sum();
+                prop_assert_eq!(sample, &(place as u64).to_le_bytes()[..size]);
+            }
+        }
+    }
+
+    /// What a reader of slabs will lean on: the place of a sample in a raw file.
+    #[test]
+    fn a_raw_sample_lies_where_start_and_strides_say() {
+        let folder = Folder::new();
+        let bytes = [&b"before"[..], &encode(&samples(), SampleType::U16, Endian::Big)].concat();
+        let extent = Extent {
+            kind: FileKind::Raw,
+            file: folder.write("bare", &bytes),
+            start: Start::At(6),
+            encoding: Encoding::Raw,
+            skip: 0,
+            axes: Axes::new(&c_order(&SHAPE.map(|side| side as u64)), LIMIT).unwrap(),
+            samples: SampleType::U16,
+            endian: Endian::Big,
+            scaling: Scaling::IDENTITY,
+            spacing: None,
+        };
+        assert_eq!(extent.read(&ReadOptions::default()).unwrap().0, volume());
+        let [z, y, x, _] = extent.axes.strides;
+        let at = 6 + 2 * (z + 2 * y + 3 * x);
+        assert_eq!(u16::from_be_bytes([bytes[at], bytes[at + 1]]), 67 + 62 + 21);
     }
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::decode::{self, HeaderLines};
 use super::extent::{Axes, Encoding, Extent, Start, dense};
-use super::samples::Scaling;
+use super::levels::Scaling;
 use super::{Endian, FileKind, ReadOptions, SampleType, Source, Volume, VolumeError};
 
 /// The field that ends a header.

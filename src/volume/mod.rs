@@ -8,14 +8,17 @@ mod decode;
 mod error;
 mod extent;
 mod intensity;
+mod levels;
 mod metaimage;
 mod nifti;
 mod npy;
 mod nrrd;
 mod raw;
 mod read;
-pub mod samples;
+mod samples;
 mod source;
+#[cfg(test)]
+mod testing;
 #[allow(clippy::module_inception)]
 mod volume;
 

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use flate2::bufread::GzDecoder;
 
 use super::extent::{Axes, Encoding, Extent, Start, dense};
-use super::samples::Scaling;
+use super::levels::Scaling;
 use super::{Endian, FileKind, ReadOptions, SampleType, Source, Volume, VolumeError, decode};
 
 /// Bytes of a NIfTI-1 (and Analyze) header.

@@ -13,7 +13,7 @@ use std::path::Path;
 use zip::ZipArchive;
 
 use super::extent::{Axes, Axis, Encoding, Extent, Start, dense};
-use super::samples::Scaling;
+use super::levels::Scaling;
 use super::{Endian, FileKind, ReadOptions, SampleType, Source, Volume, VolumeError, decode};
 
 /// The longest header that is read; numpy itself refuses longer ones than 10 000.

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use super::decode::{self, HeaderLines};
 use super::extent::{Axes, Axis, Encoding, Extent, Start, dense};
-use super::samples::Scaling;
+use super::levels::Scaling;
 use super::{Endian, FileKind, ReadOptions, SampleType, Source, Volume, VolumeError};
 
 /// Whether a file begins as a NRRD does.

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use super::extent::{Axes, Encoding, Extent, Start, dense};
-use super::samples::Scaling;
+use super::levels::Scaling;
 use super::{FileKind, RawLayout, ReadOptions, Source, Volume, VolumeError, decode};
 
 /// The volume that a layout finds in a file.
