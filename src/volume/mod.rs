@@ -4,11 +4,21 @@
 //! interleaved). Every reader yields this layout, whatever the file's own axis order is, so that a volume has the same
 //! sums in every format. This room stands on the ground: it knows nothing of masks, stores or distances.
 
+mod decode;
 mod error;
+mod extent;
 mod intensity;
+mod levels;
+mod metaimage;
+mod nifti;
+mod npy;
+mod nrrd;
+mod raw;
 mod read;
-pub mod samples;
+mod samples;
 mod source;
+#[cfg(test)]
+mod testing;
 #[allow(clippy::module_inception)]
 mod volume;
 

@@ -7,3 +7,4 @@ mod index;
 mod reference_sums;
 mod support;
 mod views;
+mod volume_formats;
