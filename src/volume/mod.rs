@@ -4,16 +4,24 @@
 //! interleaved). Every reader yields this layout, whatever the file's own axis order is, so that a volume has the same
 //! sums in every format. This room stands on the ground: it knows nothing of masks, stores or distances.
 
+mod discover;
 mod error;
 mod intensity;
+mod natural;
+mod picture;
 mod read;
 pub mod samples;
+mod slices;
 mod source;
+mod tiff;
 #[allow(clippy::module_inception)]
 mod volume;
+mod vox;
 
+pub use discover::discover;
 pub use error::{ReadError, VolumeError};
 pub use intensity::{Intensity, IntensityError, Mapping};
+pub use natural::natural_cmp;
 pub use read::read;
 pub use samples::{Endian, SampleType, Samples};
 pub use source::{FileKind, RawLayout, RawTypeError, ReadOptions, Source};

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::{FileKind, ReadError, ReadOptions, Source, Volume, VolumeError};
+use super::{FileKind, ReadError, ReadOptions, Source, Volume, VolumeError, slices, tiff, vox};
 
 /// The bytes from the start of a file by which its kind is told.
 const HEAD: u64 = 4096;
@@ -23,7 +23,10 @@ struct Reader {
 }
 
 /// Every reader of single files, the first that knows the content reads it.
-const READERS: &[Reader] = &[];
+const READERS: &[Reader] = &[
+    Reader { kind: FileKind::Tiff, endings: &[".tif", ".tiff"], sniff: tiff::sniff, read: tiff::read },
+    Reader { kind: FileKind::Vox, endings: &[".vox"], sniff: vox::sniff, read: vox::read },
+];
 
 /// The volume in a file, and what is known of its origin.
 ///
@@ -38,6 +41,9 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), Read
 }
 
 fn read_any(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
+    if path.is_dir() {
+        return slices::read(path, options);
+    }
     let head = head(path)?;
     let by_content = READERS.iter().find(|reader| (reader.sniff)(&head));
     let by_name = || READERS.iter().find(|reader| named(path, reader.endings));

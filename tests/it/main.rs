@@ -5,3 +5,4 @@
 
 mod reference_sums;
 mod support;
+mod volume_pictures;
