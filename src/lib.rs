@@ -1,7 +1,7 @@
 //! hlacdb: an embedded database that finds solid textures that look alike.
 
 pub mod hlac;
-pub mod synth;
 pub mod index;
 pub mod store;
+pub mod synth;
 pub mod volume;

@@ -5,25 +5,33 @@
 //! sums in every format. This room stands on the ground: it knows nothing of masks, stores or distances.
 
 mod decode;
+mod discover;
 mod error;
 mod extent;
 mod intensity;
 mod levels;
 mod metaimage;
+mod natural;
 mod nifti;
 mod npy;
 mod nrrd;
+mod picture;
 mod raw;
 mod read;
 mod samples;
+mod slices;
 mod source;
 #[cfg(test)]
 mod testing;
+mod tiff;
 #[allow(clippy::module_inception)]
 mod volume;
+mod vox;
 
+pub use discover::discover;
 pub use error::{ReadError, VolumeError, display_path};
 pub use intensity::{Intensity, IntensityError, Mapping};
+pub use natural::natural_cmp;
 pub use read::read;
 pub use samples::{Endian, SampleType, Samples};
 pub use source::{FileKind, RawLayout, RawTypeError, ReadOptions, Source};

@@ -3,13 +3,16 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::{FileKind, ReadError, ReadOptions, Source, Volume, VolumeError, decode, metaimage, nifti, npy, nrrd, raw};
+use super::{
+    FileKind, ReadError, ReadOptions, Source, Volume, VolumeError, decode, metaimage, nifti, npy, nrrd, raw, slices,
+    tiff, vox,
+};
 
 /// The bytes from the start of a file by which its kind is told.
 const HEAD: u64 = 4096;
 
 /// The kinds that [`read`] knows, as an error names them.
-const KNOWN: &str = "npy, npz, NRRD, MetaImage, NIfTI";
+const KNOWN: &str = "npy, npz, NRRD, MetaImage, NIfTI, TIFF, folders of PNG, JPEG or TIFF slices, MagicaVoxel vox";
 
 /// One kind of file: how it is told and how it is read.
 struct Reader {
@@ -28,6 +31,8 @@ const READERS: &[Reader] = &[
     Reader { kind: FileKind::Nrrd, endings: &[".nrrd", ".nhdr"], sniff: nrrd::sniff, read: nrrd::read },
     Reader { kind: FileKind::MetaImage, endings: &[".mha", ".mhd"], sniff: metaimage::sniff, read: metaimage::read },
     Reader { kind: FileKind::Nifti, endings: NIFTI, sniff: nifti::sniff, read: nifti::read },
+    Reader { kind: FileKind::Tiff, endings: &[".tif", ".tiff"], sniff: tiff::sniff, read: tiff::read },
+    Reader { kind: FileKind::Vox, endings: &[".vox"], sniff: vox::sniff, read: vox::read },
 ];
 
 const NIFTI: &[&str] = &[".nii", ".nii.gz", ".hdr", ".hdr.gz", ".img", ".img.gz"];
@@ -48,6 +53,9 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), Read
 }
 
 fn read_any(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
+    if path.is_dir() {
+        return slices::read(path, options);
+    }
     let head = head(path)?;
     if let Some(layout) = options.raw.filter(|_| named(path, BARE)) {
         return raw::read(path, &layout, options);

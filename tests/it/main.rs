@@ -8,3 +8,4 @@ mod reference_sums;
 mod support;
 mod views;
 mod volume_formats;
+mod volume_pictures;
