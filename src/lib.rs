@@ -1,7 +1,59 @@
-//! hlacdb: an embedded database that finds solid textures that look alike.
+//! hlacdb: an embedded database that finds *solid textures* (voxel volumes: marble, clouds, CT cores, foams) that look
+//! alike.
+//!
+//! Each texture is described by its 251 exact 3-D higher-order local autocorrelation features (Suzuki, Yaginuma, Osawa:
+//! *A HLAC Shape Descriptor Extraction Method for 3D Solid Textures*) and searched by exact nearest neighbours, in one
+//! file on disk.
+//!
+//! ```
+//! use hlacdb::{Database, Meta, Query, volume::Volume};
+//! # let folder = tempfile::tempdir()?;
+//! # let path = folder.path().join("textures.hlacdb");
+//! let database = Database::open(&path)?;
+//! let checker = Volume::from_fn([16, 16, 16], |z, y, x| if (z / 4 + y / 4 + x / 4) % 2 == 0 { 200 } else { 40 })?;
+//! let id = database.add(&checker, Meta::named("checker").tag("family", "checker"))?.id();
+//! let answer = database.query(&Query::volume(&checker).k(30).filter("family", "checker"))?;
+//! assert_eq!(answer.hits[0].id, id);
+//! println!("{} textures", database.statistics()?.textures);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! The rooms of the house, lower ones first; a lower one never imports a higher one:
+//!
+//! | room | from | to |
+//! |---|---|---|
+//! | [`volume`] | files | voxels |
+//! | [`hlac`] | voxels | exact sums, moments |
+//! | [`space`] | moments | points |
+//! | [`index`] | points | neighbours |
+//! | [`store`] | records | bytes on disk |
+//! | [`synth`] | recipes | voxels |
+//! | [`Database`], [`ingest`], [`Query`], [`eval`] | all of them | answers |
 
+#![deny(unsafe_code)]
+
+pub mod arrays;
+mod database;
+mod error;
+pub mod eval;
 pub mod hlac;
 pub mod index;
+pub mod ingest;
+#[path = "../migrations/mod.rs"]
+pub mod migrations;
+mod ordered;
+mod progress;
+mod query;
+pub mod recipes;
+pub mod space;
 pub mod store;
 pub mod synth;
 pub mod volume;
+
+pub use database::{
+    Added, BlockOf, Compacted, ContentHash, DEFAULT_SPACE, Database, Exported, Imported, Meta, OpenOptions, Prepared,
+    Reindex, Reindexed, SpaceReport, StatisticsReport, Texture, Verified,
+};
+pub use error::{Error, chain};
+pub use progress::Progress;
+pub use query::{Answer, Hit, Query};

@@ -1,5 +1,45 @@
-//! The program `hlacdb`.
+//! The program `hlacdb`: parse, log, dispatch, exit code.
 
-fn main() {
-    println!("hlacdb {}", env!("CARGO_PKG_VERSION"));
+mod cli;
+
+use std::io::IsTerminal;
+use std::process::ExitCode;
+
+use clap::{CommandFactory, FromArgMatches};
+use tracing_subscriber::EnvFilter;
+
+use cli::{Cli, Context};
+
+fn main() -> ExitCode {
+    let kernel = match hlacdb::hlac::kernel::choose() {
+        Ok(kernel) => kernel,
+        Err(error) => {
+            eprintln!("hlacdb: {error}");
+            return ExitCode::from(2);
+        }
+    };
+    let version = format!("{} (kernel {})", env!("CARGO_PKG_VERSION"), kernel.name());
+    let matches = Cli::command().version(version).get_matches();
+    let arguments = match Cli::from_arg_matches(&matches) {
+        Ok(arguments) => arguments,
+        Err(error) => error.exit(),
+    };
+    start_log(arguments.verbose, arguments.quiet);
+    tracing::info!(kernel = kernel.name(), store = %arguments.store.display(), "hlacdb {}", env!("CARGO_PKG_VERSION"));
+    let mut context = Context::new(arguments.store.clone(), arguments.json, arguments.quiet);
+    let result = arguments.run(&mut context);
+    ExitCode::from(context.finish(result))
+}
+
+/// The log goes to stderr; `HLACDB_LOG` (e.g. `hlacdb=debug`) overrides `-v` and `-q`.
+fn start_log(verbose: u8, quiet: bool) {
+    let level = match (quiet, verbose) {
+        (true, _) => "error",
+        (false, 0) => "warn",
+        (false, 1) => "info",
+        (false, _) => "debug",
+    };
+    let filter = EnvFilter::try_from_env("HLACDB_LOG").unwrap_or_else(|_| EnvFilter::new(format!("hlacdb={level}")));
+    let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colour).init();
 }

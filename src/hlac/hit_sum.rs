@@ -26,6 +26,19 @@ pub struct HitSums {
     pub values: [u64; MASK_COUNT],
 }
 
+impl HitSums {
+    /// The moments: `hit-sum / (windows * 255 * cells)`, each in [0, 1]; all 0 where there is no window.
+    pub fn moments(&self) -> [f64; MASK_COUNT] {
+        let mut moments = [0.0; MASK_COUNT];
+        if self.windows > 0 {
+            for ((moment, &sum), mask) in moments.iter_mut().zip(&self.values).zip(&MASKS) {
+                *moment = sum as f64 / (self.windows as f64 * 255.0 * mask.order() as f64);
+            }
+        }
+        moments
+    }
+}
+
 /// The hit-sums of a volume (of its luma, where it has colour).
 pub fn extract_hit_sum(volume: &Volume) -> HitSums {
     let grey = volume.luma();

@@ -90,6 +90,12 @@ pub struct Source {
     pub spacing: Option<[f64; 3]>,
 }
 
+impl Source {
+    /// Of a volume that a recipe made.
+    pub const SYNTHETIC: Self =
+        Self { kind: FileKind::Synthetic, samples: SampleType::U8, mapping: None, spacing: None };
+}
+
 /// How bare samples lie in a file: X fastest, one channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RawLayout {

@@ -4,6 +4,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod index;
+mod model;
+mod program;
+mod real;
 mod reference_sums;
 mod support;
 mod views;

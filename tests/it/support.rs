@@ -1,6 +1,8 @@
-//! Shared helpers: where the optional real files are.
+//! Shared helpers: where the optional real files are, and small textures.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use hlacdb::volume::Volume;
 
 /// A file of the folder of real volumes and reference figures, `None` (and a word on stderr) where it is absent.
 pub(crate) fn shared(name: &str) -> Option<PathBuf> {
@@ -10,4 +12,24 @@ pub(crate) fn shared(name: &str) -> Option<PathBuf> {
     }
     eprintln!("skipped: no shared data ({name})");
     None
+}
+
+/// A cube of slanting stripes; `step` says how they slant.
+pub(crate) fn stripes(side: usize, step: usize) -> Volume {
+    Volume::from_fn([side; 3], |z, y, x| ((z * 3 + y * step * 7 + x * 11) % 17 * 15) as u8).unwrap()
+}
+
+/// A cube with a soft ball in it.
+pub(crate) fn ball(side: usize, radius: usize) -> Volume {
+    let centre = side as i64 / 2;
+    Volume::from_fn([side; 3], |z, y, x| {
+        let distance: i64 = [z, y, x].iter().map(|&c| (c as i64 - centre).pow(2)).sum();
+        (250 - distance * 250 / (radius * radius * 4) as i64).clamp(0, 250) as u8
+    })
+    .unwrap()
+}
+
+/// Writes a volume as a numpy file.
+pub(crate) fn write_npy(path: &Path, volume: &Volume) {
+    hlacdb::arrays::write_volume(path, volume).unwrap();
 }

@@ -1,0 +1,188 @@
+//! Numpy arrays in and out: moments and points as other programs read them.
+
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Read, Write};
+use std::path::Path;
+
+use npyz::{DType, NpyFile, WriterBuilder};
+
+use crate::error::Error;
+use crate::hlac::MASK_COUNT;
+use crate::volume::{Volume, display_path};
+
+/// Writes a C-ordered little-endian array of `f32`.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::ArrayShape`] where the values do not fill the shape.
+pub fn write_npy(path: &Path, shape: &[usize], values: &[f32]) -> Result<(), Error> {
+    let mut writer = NpyRows::create(path, shape)?;
+    writer.push(values)?;
+    writer.finish()
+}
+
+/// Writes a volume as `u8`: (Z, Y, X), or (Z, Y, X, 3) for colour.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write_volume(path: &Path, volume: &Volume) -> Result<(), Error> {
+    let failed = |source| Error::io(format!("writing {}", display_path(path)), source);
+    let mut shape: Vec<u64> = volume.shape().map(|side| side as u64).into();
+    if volume.channels() > 1 {
+        shape.push(volume.channels() as u64);
+    }
+    let file = BufWriter::new(File::create(path).map_err(failed)?);
+    let options = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(file);
+    let mut writer = options.begin_nd().map_err(failed)?;
+    writer.extend(volume.voxels().iter().copied()).map_err(failed)?;
+    writer.finish().map_err(failed)
+}
+
+/// An array of `f32` that is written row by row, in constant memory.
+pub struct NpyRows {
+    shown: String,
+    missing: usize,
+    writer: npyz::NpyWriter<f32, BufWriter<File>>,
+}
+
+impl NpyRows {
+    /// Begins an array of the given shape.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn create(path: &Path, shape: &[usize]) -> Result<Self, Error> {
+        let shown = display_path(path);
+        let failed = |source| Error::io(format!("writing {shown}"), source);
+        let sides: Vec<u64> = shape.iter().map(|&side| side as u64).collect();
+        let file = BufWriter::new(File::create(path).map_err(failed)?);
+        let writer = npyz::WriteOptions::new().default_dtype().shape(&sides).writer(file).begin_nd().map_err(failed)?;
+        Ok(Self { missing: shape.iter().product(), writer, shown })
+    }
+
+    /// Appends values.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::ArrayShape`] where there are more than the shape holds.
+    pub fn push(&mut self, values: &[f32]) -> Result<(), Error> {
+        self.missing = self.missing.checked_sub(values.len()).ok_or_else(|| self.wrong("longer"))?;
+        let written = values.iter().try_for_each(|value| self.writer.push(value));
+        written.map_err(|source| Error::io(format!("writing {}", self.shown), source))
+    }
+
+    /// Ends the array.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::ArrayShape`] where values are missing.
+    pub fn finish(self) -> Result<(), Error> {
+        if self.missing > 0 {
+            return Err(self.wrong("shorter"));
+        }
+        self.writer.finish().map_err(|source| Error::io(format!("writing {}", self.shown), source))
+    }
+
+    fn wrong(&self, found: &str) -> Error {
+        let expected = "as many values as the shape holds".to_owned();
+        Error::ArrayShape { path: self.shown.clone(), found: format!("{found} than its shape"), expected }
+    }
+}
+
+/// A numpy array of moments, (N, 251) or (251,), f32 or f64 of either byte order, read row by row.
+pub struct MomentRows {
+    shown: String,
+    left: u64,
+    values: Box<dyn Iterator<Item = std::io::Result<f32>> + Send>,
+}
+
+impl MomentRows {
+    /// Opens the array and reads its header.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::ArrayShape`] where the array is of another shape or type.
+    pub fn open(path: &Path) -> Result<Self, Error> {
+        let shown = display_path(path);
+        let failed = |source| Error::io(format!("reading {shown}"), source);
+        let file: Box<dyn Read + Send> = Box::new(BufReader::with_capacity(1 << 20, File::open(path).map_err(failed)?));
+        let npy = NpyFile::new(file).map_err(failed)?;
+        let wrong = |found: String| Error::ArrayShape {
+            path: shown.clone(),
+            found,
+            expected: format!("an array of shape (N, {MASK_COUNT}) or ({MASK_COUNT},) in C order"),
+        };
+        let left = match *npy.shape() {
+            [columns] if columns == MASK_COUNT as u64 => 1,
+            [rows, columns] if columns == MASK_COUNT as u64 => rows,
+            ref other => return Err(wrong(format!("of shape {other:?}"))),
+        };
+        if npy.order() == npyz::Order::Fortran && left > 1 {
+            return Err(wrong("in Fortran order".into()));
+        }
+        let ty = match npy.dtype() {
+            DType::Plain(ty) => ty.clone(),
+            other => return Err(wrong(format!("of type {}", other.descr()))),
+        };
+        let values: Box<dyn Iterator<Item = std::io::Result<f32>> + Send> = match (ty.type_char(), ty.num_bytes()) {
+            (npyz::TypeChar::Float, Some(4)) => {
+                Box::new(npy.data::<f32>().map_err(|e| failed(std::io::Error::other(e)))?)
+            }
+            (npyz::TypeChar::Float, Some(8)) => {
+                let values = npy.data::<f64>().map_err(|e| failed(std::io::Error::other(e)))?;
+                Box::new(values.map(|value| value.map(|value| value as f32)))
+            }
+            _ => return Err(wrong(format!("of type {ty}"))),
+        };
+        Ok(Self { shown, left, values })
+    }
+
+    /// How many rows are still to come.
+    pub fn len(&self) -> u64 {
+        self.left
+    }
+
+    /// True once every row was read.
+    pub fn is_empty(&self) -> bool {
+        self.left == 0
+    }
+
+    fn row(&mut self) -> Result<[f32; MASK_COUNT], Error> {
+        let mut row = [0.0; MASK_COUNT];
+        for value in &mut row {
+            *value = match self.values.next() {
+                Some(Ok(value)) => value,
+                Some(Err(source)) => return Err(Error::io(format!("reading {}", self.shown), source)),
+                None => {
+                    return Err(Error::io(format!("reading {}", self.shown), std::io::ErrorKind::UnexpectedEof.into()));
+                }
+            };
+        }
+        Ok(row)
+    }
+}
+
+impl Iterator for MomentRows {
+    type Item = Result<[f32; MASK_COUNT], Error>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.left = self.left.checked_sub(1)?;
+        let row = self.row();
+        if row.is_err() {
+            self.left = 0;
+        }
+        Some(row)
+    }
+}
+
+/// A whole array of moments.
+///
+/// # Errors
+/// As [`MomentRows`].
+pub fn read_moments(path: &Path) -> Result<Vec<[f32; MASK_COUNT]>, Error> {
+    MomentRows::open(path)?.collect()
+}
+
+/// Writes a text file whole.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write_text(path: &Path, text: &str) -> Result<(), Error> {
+    let written = File::create(path).and_then(|mut file| file.write_all(text.as_bytes()));
+    written.map_err(|source| Error::io(format!("writing {}", display_path(path)), source))
+}

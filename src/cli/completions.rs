@@ -1,0 +1,23 @@
+//! `hlacdb completions`.
+
+use clap::{Args, CommandFactory};
+use clap_complete::Shell;
+
+use super::{Cli, Context, Failure, Outcome};
+
+/// Print a shell's completion script
+#[derive(Args)]
+#[command(after_help = "Examples:
+  hlacdb completions bash > ~/.local/share/bash-completion/completions/hlacdb
+  hlacdb completions zsh > ~/.zfunc/_hlacdb")]
+pub(crate) struct Completions {
+    /// The shell
+    shell: Shell,
+}
+
+impl Completions {
+    pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        clap_complete::generate(self.shell, &mut Cli::command(), "hlacdb", context.out());
+        Ok(Outcome::Done)
+    }
+}

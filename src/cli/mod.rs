@@ -1,0 +1,34 @@
+//! The program's commands: one file each, thin callers of the library.
+//!
+//! Answers go to stdout, everything else (log, progress, errors) to stderr. With `--json` stdout holds one JSON
+//! document per command, and only that. Exit status: 0 all done, 1 something failed, 2 wrong usage.
+
+mod arguments;
+mod bars;
+mod context;
+mod read_arguments;
+mod table;
+
+mod compact;
+mod completions;
+mod demo;
+mod eval;
+mod export;
+mod extract;
+mod import;
+mod ingest;
+mod list;
+mod masks;
+mod migrate;
+mod query;
+mod reindex;
+mod remove;
+mod sheet;
+mod show;
+mod stats;
+mod synth;
+mod tag;
+mod verify;
+
+pub(crate) use arguments::Cli;
+pub(crate) use context::{Context, Failure, Outcome};

@@ -1,0 +1,64 @@
+//! `hlacdb sheet`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use hlacdb::volume::{display_path, sheet};
+
+use super::table::{shape, tags};
+use super::{Context, Failure, Outcome};
+
+/// A picture of one texture's slices (the paper's Figure 1)
+#[derive(Args)]
+#[command(after_help = "Examples:
+  hlacdb sheet 12                         writes texture-12.png
+  hlacdb sheet 12 --out marble.png --axis y --columns 10")]
+pub(crate) struct Sheet {
+    /// The texture
+    id: u64,
+
+    /// Where to write the picture [default: texture-ID.png]
+    #[arg(long, short, value_name = "OUT.png")]
+    out: Option<PathBuf>,
+
+    /// Slices across which axis: z, y or x
+    #[arg(long, value_name = "AXIS", default_value = "z")]
+    axis: sheet::Axis,
+
+    /// Slices in a row
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=64))]
+    columns: u16,
+
+    /// At most so many slices; of a thicker volume every n-th is drawn
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u16).range(1..=4096))]
+    slices: u16,
+}
+
+impl Sheet {
+    pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        let database = context.open_to_read()?;
+        let texture = database.texture(self.id)?;
+        let Some(volume) = database.volume(self.id)? else {
+            return Err(Failure::sentence(format!(
+                "texture {} ({}) was stored without its voxels: ingest its file again with --volumes keep to see it",
+                texture.id, texture.name
+            )));
+        };
+        let out = self.out.unwrap_or_else(|| PathBuf::from(format!("texture-{}.png", self.id)));
+        let caption =
+            vec![texture.name.clone(), format!("id {}  {}", texture.id, shape(texture.shape)), tags(&texture.tags)];
+        let layout = sheet::Layout {
+            columns: usize::from(self.columns),
+            slices: usize::from(self.slices),
+            axis: self.axis,
+            ..sheet::Layout::default()
+        };
+        sheet::write_png(&sheet::draw(&[sheet::Panel { volume: &volume, caption }], &layout), &out)?;
+        if context.json {
+            context.print_json(&serde_json::json!({ "id": self.id, "sheet": display_path(&out) }))?;
+        } else {
+            context.note(&format!("wrote {}", display_path(&out)));
+        }
+        Ok(Outcome::Done)
+    }
+}

@@ -1,0 +1,123 @@
+//! `hlacdb stats`.
+
+use std::io::Write;
+
+use clap::Args;
+use hlacdb::StatisticsReport;
+use hlacdb::hlac::MASKS;
+
+use super::table::{Align, Table, bytes};
+use super::{Context, Failure, Outcome};
+
+/// What the store holds: sizes, space, normalisation statistics, settings
+#[derive(Args)]
+#[command(after_help = "Examples:
+  hlacdb stats
+  hlacdb stats --moments                     mean, deviation, lowest and highest of all 251 moments
+  hlacdb --json stats | jq .statistics.mean")]
+pub(crate) struct Stats {
+    /// Show the statistics of every moment
+    #[arg(long)]
+    moments: bool,
+}
+
+impl Stats {
+    pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        let database = context.open_to_read()?;
+        let report = database.statistics()?;
+        if context.json {
+            context.print_json(&report)?;
+            return Ok(Outcome::Done);
+        }
+        let out = context.out();
+        writeln!(
+            out,
+            "{} textures, {} descriptors, revision {}",
+            report.textures, report.descriptors, report.revision
+        )?;
+        print_settings(out, &report)?;
+        print_sizes(out, &report)?;
+        print_space(out, &report)?;
+        print_statistics(out, &report, self.moments)?;
+        Ok(Outcome::Done)
+    }
+}
+
+fn print_settings(out: &mut impl Write, report: &StatisticsReport) -> Result<(), Failure> {
+    let settings = &report.settings;
+    writeln!(out, "views    {}", settings.views.join(" "))?;
+    writeln!(out, "spaces   {}", settings.spaces.join(" "))?;
+    writeln!(out, "volumes  {}", settings.volumes)?;
+    writeln!(out, "format   {}", settings.format)?;
+    writeln!(out, "kernel   {}", settings.kernel)?;
+    Ok(())
+}
+
+fn print_sizes(out: &mut impl Write, report: &StatisticsReport) -> Result<(), Failure> {
+    writeln!(out)?;
+    let mut table = Table::new([("table", Align::Left), ("bytes", Align::Right)]);
+    for (name, &size) in &report.bytes {
+        table.row([name.clone(), bytes(size)]);
+    }
+    Ok(table.write(out)?)
+}
+
+fn print_space(out: &mut impl Write, report: &StatisticsReport) -> Result<(), Failure> {
+    let space = &report.space;
+    writeln!(
+        out,
+        "\nspace {}, fit {}, on {} textures, {} coordinates",
+        space.name, space.epoch, space.fitted_on, space.dims
+    )?;
+    writeln!(out, "{}", space.formula)?;
+    match &space.drift {
+        Some(drift) => writeln!(
+            out,
+            "drift since the fit: the mean texture moved by {:.3} of the spread; the spread is {:.3} times what it was",
+            drift.shift, drift.spread
+        )?,
+        None => writeln!(out, "drift since the fit: nothing to compare")?,
+    }
+    let mut table = Table::new([
+        ("axis", Align::Right),
+        ("variance", Align::Right),
+        ("views", Align::Left),
+        ("goes with", Align::Left),
+    ]);
+    for (number, axis) in (1..).zip(&space.axes) {
+        let mut views: Vec<(&String, &f64)> = axis.views.iter().collect();
+        views.sort_by(|a, b| b.1.total_cmp(a.1));
+        let views: Vec<String> =
+            views.iter().take(2).map(|(view, share)| format!("{view} {:.0}%", *share * 100.0)).collect();
+        let features: Vec<String> = axis.features.iter().take(1).map(|(name, r)| format!("{name} ({r:+.2})")).collect();
+        let variance = format!("{:.1}%", axis.variance * 100.0);
+        table.row([number.to_string(), variance, views.join(", "), features.join(", ")]);
+    }
+    Ok(table.write(out)?)
+}
+
+fn print_statistics(out: &mut impl Write, report: &StatisticsReport, all: bool) -> Result<(), Failure> {
+    let statistics = &report.statistics;
+    writeln!(
+        out,
+        "\nmoments of full@1 over {} textures; their strongest axis holds {:.1}% of the z-scored variance",
+        statistics.count,
+        statistics.leading_share * 100.0
+    )?;
+    let mut table = Table::new([
+        ("mask", Align::Left),
+        ("mean", Align::Right),
+        ("std", Align::Right),
+        ("min", Align::Right),
+        ("max", Align::Right),
+    ]);
+    // One mask of each order stands for the rest.
+    let shown: Vec<usize> = if all { (0..MASKS.len()).collect() } else { vec![0, 1, 14] };
+    for at in shown {
+        let value = |values: &[f64]| values.get(at).map_or_else(|| "-".to_owned(), |value| format!("{value:.6}"));
+        let letters = MASKS.get(at).map(|mask| mask.letters()).unwrap_or_default();
+        let columns = [&statistics.mean, &statistics.std, &statistics.min, &statistics.max].map(|column| value(column));
+        table.row(std::iter::once(letters).chain(columns));
+    }
+    Ok(table.write(out)?)
+}

@@ -1,0 +1,78 @@
+//! `hlacdb tag`, and how `KEY=VALUE` is read everywhere.
+
+use std::str::FromStr;
+
+use clap::Args;
+
+use super::{Context, Failure, Outcome};
+
+/// `KEY=VALUE` on the command line: split at the first `=`, neither side empty.
+#[derive(Clone, Debug)]
+pub(crate) struct KeyValue {
+    key: String,
+    value: String,
+}
+
+impl KeyValue {
+    pub(crate) fn into_pair(self) -> (String, String) {
+        (self.key, self.value)
+    }
+}
+
+impl FromStr for KeyValue {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.split_once('=') {
+            Some((key, value)) if !key.is_empty() && !value.is_empty() => {
+                Ok(Self { key: key.to_owned(), value: value.to_owned() })
+            }
+            _ => Err(format!("'{text}' is not KEY=VALUE")),
+        }
+    }
+}
+
+/// Set or take off tags of a texture
+#[derive(Args)]
+#[command(after_help = "Examples:
+  hlacdb tag 12 family=marble site=Carrara
+  hlacdb tag 12 --unset site")]
+pub(crate) struct Tag {
+    /// The texture
+    id: u64,
+
+    /// Tags to set; a key holds one value, a new one replaces the old
+    #[arg(value_name = "KEY=VALUE", required_unless_present = "unset")]
+    tags: Vec<KeyValue>,
+
+    /// Keys to take off
+    #[arg(long, value_name = "KEY")]
+    unset: Vec<String>,
+}
+
+impl Tag {
+    pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        let database = context.open_to_write()?;
+        let set: Vec<(String, String)> = self.tags.into_iter().map(KeyValue::into_pair).collect();
+        let texture = database.tag(self.id, &set, &self.unset)?;
+        if context.json {
+            context.print_json(&serde_json::json!({ "id": texture.id, "tags": texture.tags }))?;
+        } else {
+            context.note(&format!("{} {}: {}", texture.id, texture.name, super::table::tags(&texture.tags)));
+        }
+        Ok(Outcome::Done)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_may_hold_an_equals_sign_but_no_side_may_be_empty() {
+        assert_eq!("a=b=c".parse::<KeyValue>().unwrap().into_pair(), ("a".to_owned(), "b=c".to_owned()));
+        for bad in ["a", "=b", "a=", ""] {
+            assert!(bad.parse::<KeyValue>().is_err(), "{bad}");
+        }
+    }
+}

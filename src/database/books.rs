@@ -1,0 +1,104 @@
+//! The books: the statistics of the store, in memory while it is written to.
+
+use super::prepare::views;
+use super::{DEFAULT_SPACE, spaces};
+use crate::error::Error;
+use crate::space::{Contribution, Recipe, Statistics};
+use crate::store::{Reads, Transaction};
+
+/// Statistics per recipe, as of one revision of the store.
+#[derive(Default)]
+pub(super) struct Books {
+    /// `None` until they are loaded, and after a failure.
+    revision: Option<u64>,
+    statistics: Vec<Statistics>,
+    /// The recipe of the default space.
+    default: Option<Recipe>,
+    changed: bool,
+}
+
+impl Books {
+    /// Brings the books to the state of a transaction that has just begun.
+    pub(super) fn open(&mut self, transaction: &Transaction) -> Result<(), Error> {
+        if self.revision == Some(transaction.revision()) {
+            return Ok(());
+        }
+        let views = views(transaction);
+        let definitions = spaces::definitions(&views);
+        self.default = definitions.into_iter().find(|d| d.name == DEFAULT_SPACE).map(|definition| definition.recipe);
+        self.statistics =
+            spaces::recipes(&views).iter().map(|recipe| load(transaction, recipe)).collect::<Result<_, _>>()?;
+        self.changed = false;
+        Ok(())
+    }
+
+    /// Writes what changed.
+    pub(super) fn save(&mut self, transaction: &mut Transaction) -> Result<(), Error> {
+        if self.changed {
+            for statistics in &self.statistics {
+                transaction.put_statistics(&statistics.recipe().key(), &statistics.encode())?;
+            }
+        }
+        self.changed = false;
+        Ok(())
+    }
+
+    /// Notes that the books are those of this revision now.
+    pub(super) fn close(&mut self, revision: u64) {
+        self.revision = Some(revision);
+    }
+
+    /// Counts a texture in.
+    pub(super) fn add(&mut self, contributions: &[Contribution]) -> Result<(), Error> {
+        self.each(contributions, Statistics::add)
+    }
+
+    /// Takes a texture back, without a trace.
+    pub(super) fn remove(&mut self, contributions: &[Contribution]) -> Result<(), Error> {
+        self.each(contributions, Statistics::remove)
+    }
+
+    fn each(
+        &mut self,
+        contributions: &[Contribution],
+        act: impl Fn(&mut Statistics, &Contribution) -> Result<(), crate::space::SpaceError>,
+    ) -> Result<(), Error> {
+        for contribution in contributions {
+            if let Some(statistics) = self.statistics.iter_mut().find(|kept| kept.recipe() == contribution.recipe()) {
+                act(statistics, contribution)?;
+                self.changed = true;
+            }
+        }
+        Ok(())
+    }
+
+    /// How many textures the default space can be fitted on.
+    pub(super) fn textures(&self) -> u64 {
+        let of_default = |kept: &&Statistics| Some(kept.recipe()) == self.default.as_ref();
+        self.statistics.iter().find(of_default).map_or(0, Statistics::count)
+    }
+
+    /// All statistics.
+    pub(super) fn all(&self) -> &[Statistics] {
+        &self.statistics
+    }
+
+    /// Replaces all statistics.
+    pub(super) fn replace(&mut self, statistics: Vec<Statistics>) {
+        self.statistics = statistics;
+        self.changed = true;
+    }
+
+    /// The statistics whose lowest and highest values must be looked for anew.
+    pub(super) fn stale_extremes(&mut self) -> impl Iterator<Item = &mut Statistics> {
+        self.statistics.iter_mut().filter(|statistics| statistics.extremes_are_stale())
+    }
+}
+
+/// The statistics that a store keeps for a recipe; those of no texture where it keeps none yet.
+pub(super) fn load(state: &impl Reads, recipe: &Recipe) -> Result<Statistics, Error> {
+    Ok(match state.statistics(&recipe.key())? {
+        Some(bytes) => Statistics::decode(&bytes)?,
+        None => Statistics::new(recipe),
+    })
+}

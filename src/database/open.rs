@@ -1,0 +1,111 @@
+//! How a database is opened.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use super::Database;
+use super::books::Books;
+use crate::error::Error;
+use crate::hlac::View;
+use crate::store::{Options, Settings, ViewCode, Volumes};
+
+/// How a database is opened, and what a new store is made for.
+///
+/// ```no_run
+/// use hlacdb::OpenOptions;
+/// let database = OpenOptions::new().read_only(true).open("textures.hlacdb")?;
+/// # Ok::<(), hlacdb::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct OpenOptions {
+    read_only: bool,
+    create: bool,
+    views: Vec<View>,
+    volumes: Volumes,
+    cache_bytes: Option<usize>,
+}
+
+impl Default for OpenOptions {
+    fn default() -> Self {
+        let views = View::DEFAULT_STORED.to_vec();
+        Self { read_only: false, create: true, views, volumes: Volumes::Keep, cache_bytes: None }
+    }
+}
+
+impl OpenOptions {
+    /// For reading and writing; a store is made where there is none, with the default views and with voxels.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Only to look at. Any number of processes may do so while one writes, and they follow its commits.
+    #[must_use]
+    pub fn read_only(mut self, read_only: bool) -> Self {
+        self.read_only = read_only;
+        self
+    }
+
+    /// Whether a store is made where there is none (not when opened read-only).
+    #[must_use]
+    pub fn create(mut self, create: bool) -> Self {
+        self.create = create;
+        self
+    }
+
+    /// The views that a new store keeps; an existing one keeps its own.
+    #[must_use]
+    pub fn views(mut self, views: &[View]) -> Self {
+        self.views = views.to_vec();
+        self
+    }
+
+    /// Whether a new store keeps voxels.
+    #[must_use]
+    pub fn volumes(mut self, volumes: Volumes) -> Self {
+        self.volumes = volumes;
+        self
+    }
+
+    /// How many bytes of the file may be held in memory; 1 GiB unless said.
+    #[must_use]
+    pub fn cache_bytes(mut self, bytes: usize) -> Self {
+        self.cache_bytes = Some(bytes);
+        self
+    }
+
+    /// Opens the store at `path`.
+    ///
+    /// # Errors
+    /// [`Error::NoStore`] where there is none and none is to be made; [`Error::Store`] where the file is not a store, is
+    /// newer or older than this version, is held by another writer, or (read-only) must be repaired first
+    /// ([`Error::needs_repair`]).
+    pub fn open(&self, path: impl AsRef<Path>) -> Result<Database, Error> {
+        let path = path.as_ref();
+        let mut options = Options::default();
+        if let Some(bytes) = self.cache_bytes {
+            options = options.cache_bytes(bytes);
+        }
+        let exists = path
+            .try_exists()
+            .map_err(|source| Error::io(format!("looking at {}", crate::volume::display_path(path)), source))?;
+        let store = match (exists, self.read_only, self.create) {
+            (true, true, _) => options.open_read_only(path)?,
+            (true, false, _) => options.open(path)?,
+            (false, false, true) => options.create(path, &self.settings())?,
+            (false, ..) => return Err(Error::NoStore { path: path.to_path_buf() }),
+        };
+        Ok(Database {
+            path: path.to_path_buf(),
+            store,
+            books: Mutex::new(Books::default()),
+            spaces: Arc::default(),
+            building: Mutex::new(()),
+        })
+    }
+
+    fn settings(&self) -> Settings {
+        let views = self.views.iter().map(|view| ViewCode(view.code())).collect();
+        Settings { views, volumes: self.volumes, further: BTreeMap::new() }
+    }
+}

@@ -1,0 +1,216 @@
+//! What a person wants to know of a store.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::prepare::views;
+use super::{Database, books, spaces};
+use crate::error::Error;
+use crate::hlac::{MASK_COUNT, View};
+use crate::space::{Recipe, Space};
+use crate::store::{Reads, ViewCode, Volumes};
+
+/// Everything that `hlacdb stats` shows.
+#[derive(Clone, Debug, Serialize)]
+pub struct StatisticsReport {
+    /// Textures in the store.
+    pub textures: u64,
+    /// Descriptors of all textures in all views.
+    pub descriptors: u64,
+    /// Bytes by table, and `file`, the length of the file.
+    pub bytes: BTreeMap<String, u64>,
+    /// The default space.
+    pub space: SpaceReport,
+    /// The 251 moments of `full@1` over all textures.
+    pub statistics: MomentStatistics,
+    /// What the store was made for.
+    pub settings: SettingsReport,
+    /// The number of the last commit.
+    pub revision: u64,
+}
+
+/// A fitted space.
+#[derive(Clone, Debug, Serialize)]
+pub struct SpaceReport {
+    /// Its name.
+    pub name: String,
+    /// The number of the fit; 0 before the first.
+    pub epoch: u64,
+    /// Textures it was fitted on.
+    pub fitted_on: u64,
+    /// Coordinates of a point.
+    pub dims: usize,
+    /// How points and distances are computed.
+    pub formula: String,
+    /// The leading axes, by falling variance.
+    pub axes: Vec<AxisReport>,
+    /// How far the store has moved since the fit; `None` where there is nothing to compare.
+    pub drift: Option<DriftReport>,
+}
+
+/// One axis of a space.
+#[derive(Clone, Debug, Serialize)]
+pub struct AxisReport {
+    /// Its share of the variance of all axes.
+    pub variance: f64,
+    /// How much of it comes from each view.
+    pub views: BTreeMap<String, f64>,
+    /// The features that go most with it, with their correlation.
+    pub features: Vec<(String, f64)>,
+}
+
+/// How far a store has moved since a fit.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct DriftReport {
+    /// How far the mean texture has moved, in units of the spread then.
+    pub shift: f64,
+    /// The spread now by that of then.
+    pub spread: f64,
+}
+
+/// Statistics of the 251 moments of `full@1`, in the order of the masks.
+#[derive(Clone, Debug, Serialize)]
+pub struct MomentStatistics {
+    /// Textures counted.
+    pub count: u64,
+    /// Mean of each moment.
+    pub mean: Vec<f64>,
+    /// Standard deviation (divided by the count).
+    pub std: Vec<f64>,
+    /// Lowest value; empty where there is no texture.
+    pub min: Vec<f64>,
+    /// Highest value; empty where there is no texture.
+    pub max: Vec<f64>,
+    /// The share of the variance of the z-scored moments that their strongest axis holds: near 1, they all measure
+    /// brightness.
+    pub leading_share: f64,
+}
+
+/// What a store was made for.
+#[derive(Clone, Debug, Serialize)]
+pub struct SettingsReport {
+    /// The views it keeps.
+    pub views: Vec<&'static str>,
+    /// Whether voxels are kept: `keep` or `none`.
+    pub volumes: &'static str,
+    /// The spaces it answers in.
+    pub spaces: Vec<String>,
+    /// The version of the file's format.
+    pub format: u32,
+    /// The kernel that makes exact sums on this machine.
+    pub kernel: &'static str,
+}
+
+/// So many axes are shown.
+const AXES: usize = 8;
+
+impl Database {
+    /// Sizes, settings, the default space and the normalisation statistics.
+    ///
+    /// # Errors
+    /// [`Error::Store`], [`Error::Space`].
+    pub fn statistics(&self) -> Result<StatisticsReport, Error> {
+        let snapshot = self.store().read()?;
+        let mut bytes: BTreeMap<String, u64> =
+            snapshot.sizes()?.into_iter().map(|(table, size)| (table, size.total())).collect();
+        if let Ok(file) = std::fs::metadata(self.path()) {
+            bytes.insert("file".into(), file.len());
+        }
+        let mut descriptors = 0;
+        for view in views(&snapshot) {
+            for block in 0..snapshot.descriptor_blocks() {
+                let kept = snapshot.descriptors(ViewCode(view.code()), block)?;
+                descriptors += kept.map_or(0, |block| block.present() as u64);
+            }
+        }
+        let default = spaces::load(&snapshot, super::DEFAULT_SPACE)?;
+        let drift = default.drift(&books::load(&snapshot, default.recipe())?)?;
+        Ok(StatisticsReport {
+            textures: snapshot.counts().textures,
+            descriptors,
+            bytes,
+            space: SpaceReport {
+                drift: drift.map(|drift| DriftReport { shift: drift.shift, spread: drift.spread }),
+                ..SpaceReport::of(&default)
+            },
+            statistics: moment_statistics(&snapshot)?,
+            settings: SettingsReport {
+                views: views(&snapshot).into_iter().map(View::name).collect(),
+                volumes: match snapshot.settings().volumes {
+                    Volumes::Keep => "keep",
+                    Volumes::None => "none",
+                },
+                spaces: self.space_names()?,
+                format: crate::store::FORMAT_VERSION,
+                kernel: crate::hlac::kernel::active().name(),
+            },
+            revision: snapshot.revision(),
+        })
+    }
+
+    /// The covariance matrix of the 251 moments of `full@1` over all textures, row-major, 251 x 251 (divided by the
+    /// count).
+    ///
+    /// # Errors
+    /// [`Error::Store`], [`Error::Space`].
+    pub fn covariance(&self) -> Result<Vec<f64>, Error> {
+        Ok(books::load(&self.store().read()?, &Recipe::plain())?.covariance())
+    }
+}
+
+fn moment_statistics(state: &impl Reads) -> Result<MomentStatistics, Error> {
+    let statistics = books::load(state, &Recipe::plain())?;
+    let (min, max) = statistics.extremes().unwrap_or_default();
+    let std = statistics.deviation();
+    Ok(MomentStatistics {
+        count: statistics.count(),
+        leading_share: leading_share(&statistics.covariance(), &std),
+        mean: statistics.mean(),
+        std,
+        min,
+        max,
+    })
+}
+
+/// The largest eigenvalue of the correlation matrix, over its trace, by power iteration.
+fn leading_share(covariance: &[f64], std: &[f64]) -> f64 {
+    let scale: Vec<f64> = std.iter().map(|&sd| if sd > 0.0 { 1.0 / sd } else { 0.0 }).collect();
+    let varying = scale.iter().filter(|&&scale| scale > 0.0).count();
+    let mut vector = vec![1.0; std.len()];
+    let mut value = 0.0;
+    for _ in 0..64 {
+        let product: Vec<f64> = covariance
+            .chunks_exact(MASK_COUNT)
+            .zip(&scale)
+            .map(|(row, sd)| sd * row.iter().zip(&scale).zip(&vector).map(|((c, s), v)| c * s * v).sum::<f64>())
+            .collect();
+        value = product.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if value == 0.0 {
+            return 0.0;
+        }
+        vector = product.into_iter().map(|x| x / value).collect();
+    }
+    value / varying.max(1) as f64
+}
+
+impl SpaceReport {
+    fn of(space: &Space) -> Self {
+        let axes = space.axes().into_iter().take(AXES);
+        Self {
+            name: space.name().to_owned(),
+            epoch: space.epoch(),
+            fitted_on: space.textures_at_fit(),
+            dims: space.dims(),
+            formula: space.definition().formula(),
+            axes: axes
+                .map(|axis| AxisReport {
+                    variance: axis.variance,
+                    views: axis.views.into_iter().map(|(view, share)| (view.name().to_owned(), share)).collect(),
+                    features: axis.features.into_iter().map(|(feature, r)| (feature.to_string(), r)).collect(),
+                })
+                .collect(),
+            drift: None,
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! Integrity, size and format of the whole.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+
+use serde::Serialize;
+
+use super::prepare::{views, with_full};
+use super::search::{kept_points, mapped_points};
+use super::write::all_contributions;
+use super::{DEFAULT_SPACE, Database, books, held, spaces};
+use crate::error::Error;
+use crate::hlac::{self, View};
+use crate::progress::Progress;
+use crate::store::{self, Damage, Reads, Record, Snapshot, StoreError, ViewCode};
+use crate::volume::Volume;
+
+/// What [`Database::verify`] found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Verified {
+    /// True where nothing is damaged.
+    ok: bool,
+    /// How many things of each kind were checked.
+    pub checked: BTreeMap<&'static str, u64>,
+    /// What is not as it should be.
+    pub damage: Vec<DamageReport>,
+}
+
+impl Verified {
+    /// True where nothing is damaged.
+    pub fn ok(&self) -> bool {
+        self.ok
+    }
+}
+
+/// One damaged thing.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DamageReport {
+    /// The table.
+    pub table: &'static str,
+    /// Which entry.
+    pub key: String,
+    /// What was found and what was expected.
+    pub what: String,
+}
+
+impl From<Damage> for DamageReport {
+    fn from(damage: Damage) -> Self {
+        Self { table: damage.table, key: damage.key, what: damage.what }
+    }
+}
+
+/// What [`Database::compact`] did.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Compacted {
+    /// Rows of removed textures that are gone.
+    pub rows_removed: u64,
+    /// The file's length before.
+    pub bytes_before: u64,
+    /// The file's length after.
+    pub bytes_after: u64,
+}
+
+impl Database {
+    /// Checks everything: every checksum, count and link of the store, and that statistics and points are, to the bit,
+    /// what the descriptors give. With `deep`, voxels are decompressed, hashed and described anew.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`]; damage is not an error but part of the report.
+    pub fn verify(&self, deep: bool, progress: &dyn Progress) -> Result<Verified, Error> {
+        let snapshot = self.store().read()?;
+        let mut bridge = Bridge::new(progress);
+        let check = |snapshot: &Snapshot, record: &Record, volume: &Volume| describe_again(snapshot, record, volume);
+        let report = snapshot.verify(if deep { Some(&check) } else { None }, &mut |step| bridge.tell(step));
+        let report = report.map_err(cancelled)?;
+        let mut checked = report.checked;
+        let mut damage: Vec<DamageReport> = report.damage.into_iter().map(DamageReport::from).collect();
+        if damage.is_empty() {
+            progress.begin("statistics", None);
+            check_statistics(&snapshot, &mut checked, &mut damage)?;
+            check_points(&snapshot, &mut checked, &mut damage)?;
+        }
+        Ok(Verified { ok: damage.is_empty(), checked, damage })
+    }
+
+    /// Gives the space of removed textures, and of pages that hold nothing, back to the file system.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] before anything was changed; [`Error::Store`], e.g. while another process reads.
+    pub fn compact(&self, progress: &dyn Progress) -> Result<Compacted, Error> {
+        let _books = held(self.books.lock());
+        let mut bridge = Bridge::new(progress);
+        let report = self.store().compact(&mut |step| bridge.tell(step)).map_err(cancelled)?;
+        Ok(Compacted {
+            rows_removed: report.rows_removed,
+            bytes_before: report.bytes_before,
+            bytes_after: report.bytes_after,
+        })
+    }
+}
+
+/// Hands the store's progress on.
+struct Bridge<'a> {
+    progress: &'a dyn Progress,
+    phase: &'static str,
+    done: u64,
+}
+
+impl<'a> Bridge<'a> {
+    fn new(progress: &'a dyn Progress) -> Self {
+        Self { progress, phase: "", done: 0 }
+    }
+
+    fn tell(&mut self, step: store::Progress) -> ControlFlow<()> {
+        if step.phase != self.phase {
+            self.progress.begin(step.phase, Some(step.total));
+            (self.phase, self.done) = (step.phase, 0);
+        }
+        self.progress.advance(step.done.saturating_sub(self.done));
+        self.done = step.done;
+        if self.progress.cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+fn cancelled(error: StoreError) -> Error {
+    match error {
+        StoreError::Cancelled { .. } => Error::Cancelled,
+        other => other.into(),
+    }
+}
+
+fn damaged(table: &'static str, key: impl Into<String>, what: impl Into<String>) -> DamageReport {
+    DamageReport { table, key: key.into(), what: what.into() }
+}
+
+/// Describes a texture's voxels anew and compares sums and moments, to the bit.
+fn describe_again(snapshot: &Snapshot, record: &Record, volume: &Volume) -> Vec<Damage> {
+    let id = record.id;
+    let key = format!("id {id}");
+    let wrong = |table, what: String| Damage { table, key: key.clone(), what };
+    let views = views(snapshot);
+    let mut damage = Vec::new();
+    for (view, octants) in hlac::describe(volume, &with_full(&views)) {
+        let total = octants.total();
+        if view == View::Full && snapshot.sums(id).is_ok_and(|kept| kept.is_some_and(|kept| kept != total)) {
+            damage.push(wrong("sums", "the sums are not those of the voxels".into()));
+        }
+        let kept = snapshot.descriptor(id, ViewCode(view.code()));
+        let expected = views.contains(&view).then(|| total.descriptor());
+        if let Ok(kept) = kept
+            && expected.is_some()
+            && kept != expected
+        {
+            damage.push(wrong("descriptors", format!("the moments of {view} are not those of the voxels")));
+        }
+    }
+    damage
+}
+
+/// Statistics must be, to the bit, what the descriptors give; octants are known only from the voxels.
+fn check_statistics(
+    snapshot: &Snapshot,
+    checked: &mut BTreeMap<&'static str, u64>,
+    damage: &mut Vec<DamageReport>,
+) -> Result<(), Error> {
+    for recipe in spaces::recipes(&views(snapshot)) {
+        let key = recipe.key();
+        let kept = match books::load(snapshot, &recipe) {
+            Ok(kept) => kept,
+            Err(error) => {
+                damage.push(damaged("statistics", key, error.to_string()));
+                continue;
+            }
+        };
+        let mut anew = crate::space::Statistics::new(&recipe);
+        for part in all_contributions(snapshot, &recipe)? {
+            anew.add(&part)?;
+        }
+        let same = kept.count() == anew.count() && kept.mean() == anew.mean() && kept.covariance() == anew.covariance();
+        if !same {
+            let what = "the statistics are not those of the descriptors: run `hlacdb reindex --reextract`";
+            damage.push(damaged("statistics", key, what));
+        }
+        *checked.entry("statistics recomputed").or_default() += 1;
+    }
+    Ok(())
+}
+
+/// Kept points must be, to the bit, what the space makes of the descriptors.
+fn check_points(
+    snapshot: &Snapshot,
+    checked: &mut BTreeMap<&'static str, u64>,
+    damage: &mut Vec<DamageReport>,
+) -> Result<(), Error> {
+    let space = match spaces::load(snapshot, DEFAULT_SPACE) {
+        Ok(space) => space,
+        Err(error) => {
+            damage.push(damaged("spaces", DEFAULT_SPACE, error.to_string()));
+            return Ok(());
+        }
+    };
+    let rows = snapshot.rows()?;
+    let mut kept: Vec<(usize, Vec<f32>)> = Vec::new();
+    let count = kept_points(snapshot, DEFAULT_SPACE, &space, 0, &mut |row, point| kept.push((row, point.to_vec())))?;
+    kept.retain(|(row, point)| rows.is_live(*row) && point.iter().all(|coordinate| coordinate.is_finite()));
+    let mut mapped = mapped_points(snapshot, &space, 0..count)?;
+    mapped.retain(|(row, _)| rows.is_live(*row));
+    for (kept, mapped) in kept.iter().zip(&mapped) {
+        if kept != mapped {
+            let id = rows.ids().get(kept.0).copied().unwrap_or_default();
+            damage.push(damaged(
+                "points",
+                format!("id {id}"),
+                "the point is not that of the descriptor: run `hlacdb reindex`",
+            ));
+        }
+    }
+    if kept.len() != mapped.len() {
+        let what = format!("there are {} points, expected {}: run `hlacdb reindex`", kept.len(), mapped.len());
+        damage.push(damaged("points", DEFAULT_SPACE, what));
+    }
+    *checked.entry("points recomputed").or_default() += mapped.len() as u64;
+    Ok(())
+}

@@ -1,0 +1,233 @@
+//! Changes: every one a transaction, statistics and points included.
+
+use super::books::Books;
+use super::prepare::{Meta, Prepared, Work, views};
+use super::spaces::{contributions_of, fit, keep_points, last_fit, recipes};
+use super::textures::Texture;
+use super::{Database, held};
+use crate::error::Error;
+use crate::hlac::View;
+use crate::space::{Contribution, Recipe, Statistics};
+use crate::store::{DESCRIPTOR_ROWS, NewTexture, Reads, StoreError, Transaction};
+use crate::volume::Volume;
+
+/// What became of a texture that was added.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Added {
+    /// It is in the store, under this id.
+    New(u64),
+    /// The same content was in the store already, under this id; nothing changed.
+    Duplicate(u64),
+}
+
+impl Added {
+    /// The texture's id.
+    pub fn id(self) -> u64 {
+        match self {
+            Self::New(id) | Self::Duplicate(id) => id,
+        }
+    }
+}
+
+impl Database {
+    /// Adds a texture, durably: when this returns it survives a crash. The same content is never added twice.
+    ///
+    /// For many textures, [`Database::prepare`] on several threads and [`Database::commit`] in batches is quicker, and
+    /// [`crate::ingest`] does that for files.
+    ///
+    /// # Errors
+    /// [`Error::Store`].
+    pub fn add(&self, volume: &Volume, meta: Meta) -> Result<Added, Error> {
+        let volumes = self.store().read()?.settings().volumes;
+        let added = self.commit(vec![self.prepare(volume, meta, volumes)?])?;
+        Ok(added.first().copied().unwrap_or(Added::Duplicate(0)))
+    }
+
+    /// Adds prepared textures in one transaction, in their order: all of them, durably, or none.
+    ///
+    /// # Errors
+    /// [`Error::Store`].
+    pub fn commit(&self, prepared: Vec<Prepared>) -> Result<Vec<Added>, Error> {
+        if prepared.is_empty() {
+            return Ok(Vec::new());
+        }
+        self.change_if(|transaction, books| {
+            let mut fits = Fits::new(transaction)?;
+            let mut added = Vec::with_capacity(prepared.len());
+            for texture in prepared {
+                added.push(add_one(transaction, books, texture)?);
+                fits.after(books);
+            }
+            fits.finish(transaction)?;
+            let changed = added.iter().any(|outcome| matches!(outcome, Added::New(_)));
+            Ok((added, changed))
+        })
+    }
+
+    /// Removes textures, durably: all of them, or, where one is not there, none. Returns the ids removed, each once.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchTexture`], in [`Error::Store`].
+    pub fn remove(&self, ids: &[u64]) -> Result<Vec<u64>, Error> {
+        let mut ids = ids.to_vec();
+        ids.sort_unstable();
+        ids.dedup();
+        self.change(|transaction, books| {
+            let views = views(transaction);
+            for &id in &ids {
+                if transaction.record(id)?.is_none() {
+                    return Err(StoreError::NoSuchTexture { id }.into());
+                }
+                let parts = contributions_of(transaction, id, &views)?;
+                transaction.remove(id)?;
+                books.remove(&parts)?;
+            }
+            renew_extremes(transaction, books)
+        })?;
+        Ok(ids)
+    }
+
+    /// Sets and takes off tags of a texture, durably; returns it as it is then.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchTexture`]; [`StoreError::Invalid`] for an empty key, in [`Error::Store`].
+    pub fn tag(&self, id: u64, set: &[(String, String)], unset: &[String]) -> Result<Texture, Error> {
+        self.change(|transaction, _| {
+            for key in unset {
+                transaction.unset_tag(id, key)?;
+            }
+            for (key, value) in set {
+                transaction.set_tag(id, key, value)?;
+            }
+            Ok(transaction.record(id)?.ok_or(StoreError::NoSuchTexture { id })?.into())
+        })
+    }
+
+    /// Adds textures that come with moments and without octants, in one transaction.
+    pub(super) fn add_described(&self, textures: impl IntoIterator<Item = NewTexture>) -> Result<Vec<u64>, Error> {
+        self.change(|transaction, books| {
+            let recipes = recipes(&views(transaction));
+            let mut fits = Fits::new(transaction)?;
+            let mut ids = Vec::new();
+            for texture in textures {
+                let of = |view: View| {
+                    texture.descriptors.iter().find(|(code, _)| code.0 == view.code()).map(|(_, moments)| moments)
+                };
+                let parts = recipes.iter().filter_map(|recipe| Contribution::of_moments(recipe, of).transpose());
+                let parts: Vec<Contribution> = parts.collect::<Result<_, _>>()?;
+                ids.push(transaction.add(texture)?);
+                books.add(&parts)?;
+                fits.after(books);
+            }
+            fits.finish(transaction)?;
+            Ok(ids)
+        })
+    }
+
+    /// One transaction, with the books kept and the new points written; an error leaves everything as it was.
+    pub(super) fn change<T>(
+        &self,
+        act: impl FnOnce(&mut Transaction, &mut Books) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        self.change_if(|transaction, books| Ok((act(transaction, books)?, true)))
+    }
+
+    /// As [`Database::change`]; nothing is written where `act` says that nothing changed.
+    fn change_if<T>(
+        &self,
+        act: impl FnOnce(&mut Transaction, &mut Books) -> Result<(T, bool), Error>,
+    ) -> Result<T, Error> {
+        let mut books = held(self.books.lock());
+        let mut transaction = self.store().write()?;
+        let done =
+            books.open(&transaction).and_then(|()| act(&mut transaction, &mut books)).and_then(|(value, changed)| {
+                if changed {
+                    books.save(&mut transaction)?;
+                    keep_points(&mut transaction)?;
+                    let revision = transaction.commit()?;
+                    books.close(revision);
+                }
+                Ok(value)
+            });
+        if done.is_err() {
+            // What was counted in memory is no longer what is on disk.
+            *books = Books::default();
+        }
+        done
+    }
+}
+
+fn add_one(transaction: &mut Transaction, books: &mut Books, texture: Prepared) -> Result<Added, Error> {
+    if let Some(id) = transaction.find(&texture.content.hash)? {
+        return Ok(Added::Duplicate(id));
+    }
+    let texture = match texture.work {
+        Work::Described(_) => texture,
+        Work::Known(ref volume, volumes) => {
+            let volume = volume.clone();
+            texture.described(&volume, volumes, &views(transaction))?
+        }
+    };
+    let id = transaction.add(texture.texture)?;
+    if let Work::Described(parts) = &texture.work {
+        books.add(parts)?;
+    }
+    Ok(Added::New(id))
+}
+
+/// Fits that become due while textures are added: at each doubling, on the statistics of that very moment, so that one
+/// batch and many give the same.
+struct Fits {
+    epoch: u64,
+    count: u64,
+    due: Option<Vec<Statistics>>,
+}
+
+impl Fits {
+    fn new(transaction: &Transaction) -> Result<Self, Error> {
+        let (epoch, count) = last_fit(transaction)?;
+        Ok(Self { epoch, count, due: None })
+    }
+
+    /// Notes the statistics where the store has just doubled.
+    fn after(&mut self, books: &Books) {
+        let textures = books.textures();
+        if textures > 0 && textures >= 2 * self.count {
+            self.count = textures;
+            self.epoch += 1;
+            self.due = Some(books.all().to_vec());
+        }
+    }
+
+    /// Fits on what was noted last; earlier fits of the same batch would have been replaced by it.
+    fn finish(self, transaction: &mut Transaction) -> Result<(), Error> {
+        match self.due {
+            Some(statistics) => fit(transaction, &statistics, self.epoch),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Looks for lowest and highest moments anew where a removed texture had one of them.
+fn renew_extremes(transaction: &Transaction, books: &mut Books) -> Result<(), Error> {
+    for statistics in books.stale_extremes() {
+        let recipe = statistics.recipe().clone();
+        let parts = all_contributions(transaction, &recipe)?;
+        statistics.renew_extremes(&parts)?;
+    }
+    Ok(())
+}
+
+/// What every texture adds to the statistics of a recipe, without octants, block by block.
+pub(super) fn all_contributions(state: &impl Reads, recipe: &Recipe) -> Result<Vec<Contribution>, Error> {
+    let rows = state.rows()?;
+    let mut parts = Vec::with_capacity(rows.len());
+    for block in 0..state.descriptor_blocks() {
+        let moments = super::search::BlockMoments::read(state, recipe, block)?;
+        let first = block as usize * DESCRIPTOR_ROWS;
+        for row in (first..first + DESCRIPTOR_ROWS).filter(|&row| rows.is_live(row)) {
+            parts.extend(Contribution::of_moments(recipe, |view| moments.row(view, row - first))?);
+        }
+    }
+    Ok(parts)
+}

@@ -1,0 +1,133 @@
+//! What can go wrong with a database, and how it is told.
+
+use std::path::PathBuf;
+
+use crate::index::IndexError;
+use crate::space::SpaceError;
+use crate::store::StoreError;
+use crate::synth::RecipeError;
+use crate::volume::{ReadError, Shape, VolumeError, display_path};
+
+/// Why a call of the database failed. The sentence says what was found and what to do; causes are in `source()`.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file gave no volume.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// Voxels are no volume.
+    #[error(transparent)]
+    Volume(#[from] VolumeError),
+    /// The store refused, or is damaged.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Moments gave no point.
+    #[error(transparent)]
+    Space(#[from] SpaceError),
+    /// A question that no index can answer.
+    #[error(transparent)]
+    Index(#[from] IndexError),
+    /// A recipe that cannot be followed.
+    #[error(transparent)]
+    Recipe(#[from] RecipeError),
+    /// There is no store to open.
+    #[error(
+        "{}: there is no store here: make one with `hlacdb ingest`, or name another with --store",
+        display_path(path)
+    )]
+    NoStore {
+        /// Where it was looked for.
+        path: PathBuf,
+    },
+    /// `k` is 0.
+    #[error("k is 0, but a query asks for at least one hit: use -k 1 or more")]
+    ZeroK,
+    /// `within` is negative or not a number.
+    #[error("the distance {found} is no bound: use a number of 0 or more")]
+    BadDistance {
+        /// What was given.
+        found: f64,
+    },
+    /// No such space.
+    #[error("there is no space '{name}'; the store has: {}", known.join(", "))]
+    NoSuchSpace {
+        /// What was asked for.
+        name: String,
+        /// The spaces there are.
+        known: Vec<String>,
+    },
+    /// An example does not have the views that the space needs.
+    #[error("the space '{space}' needs moments of {}, which {what} does not have: choose another with --space", needs.join(", "))]
+    MissingViews {
+        /// The space.
+        space: String,
+        /// The views it needs and did not get.
+        needs: Vec<String>,
+        /// What was asked with.
+        what: String,
+    },
+    /// A volume is smaller than one block.
+    #[error("{path}: the volume is {} x {} x {} (Z, Y, X), too small for one block of {side} voxels a side: use a smaller --block", shape[0], shape[1], shape[2])]
+    BlockTooLarge {
+        /// The file, as it is shown.
+        path: String,
+        /// Its shape.
+        shape: Shape,
+        /// The side asked for.
+        side: usize,
+    },
+    /// An array does not have the shape that is needed.
+    #[error("{path}: the array is {found}, but {expected} is needed")]
+    ArrayShape {
+        /// The file, as it is shown.
+        path: String,
+        /// What was found.
+        found: String,
+        /// What is needed.
+        expected: String,
+    },
+    /// The textures carry no such tag.
+    #[error(
+        "fewer than two textures carry a tag '{key}': tag them first (`hlacdb tag ID {key}=VALUE`), or name another --label"
+    )]
+    NoLabel {
+        /// The tag asked for.
+        key: String,
+    },
+    /// The operating system refused.
+    #[error("{doing} failed")]
+    Io {
+        /// What was being done, and to which file.
+        doing: String,
+        /// The system's own words.
+        #[source]
+        source: std::io::Error,
+    },
+    /// The caller cancelled; nothing was changed.
+    #[error("stopped before the end: nothing was changed")]
+    Cancelled,
+}
+
+impl Error {
+    /// True where a store's last writer did not end cleanly, so that it must be opened once for writing before it can be
+    /// opened read-only.
+    pub fn needs_repair(&self) -> bool {
+        matches!(self, Self::Store(StoreError::NeedsRepair { .. }))
+    }
+
+    pub(crate) fn io(doing: impl Into<String>, source: std::io::Error) -> Self {
+        Self::Io { doing: doing.into(), source }
+    }
+}
+
+/// An error's sentence, then its causes, joined by `: `.
+pub fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text.push_str(": ");
+        text.push_str(&error.to_string());
+        cause = error.source();
+    }
+    text
+}

@@ -1,0 +1,211 @@
+//! Retrieval measures over a labelled store.
+//!
+//! Every texture that carries the label is a query against all others that carry it (leave one out), ranked by
+//! (distance, id) in a space. A texture whose label nobody else carries can find nothing: it is no query, but may be a
+//! (wrong) hit. Measures, as the retrieval literature defines them:
+//! *P@1*, *P@k*: the share of the first 1, k hits with the query's label; *mAP*: the mean over the queries of average
+//! precision, which is the mean of the precision at the rank of each relevant texture, over the whole ranking.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::database::Database;
+use crate::error::Error;
+use crate::index::Metric;
+use crate::progress::Progress;
+
+/// Measures over some queries, each a mean in [0, 1].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Measures {
+    /// How many queries they are the mean of.
+    pub queries: usize,
+    /// The share of first hits with the query's label.
+    pub p_at_1: f64,
+    /// The share of the first k hits with the query's label.
+    pub p_at_k: f64,
+    /// Mean average precision.
+    pub map: f64,
+}
+
+/// One space's measures.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SpaceMeasures {
+    /// The space.
+    pub space: String,
+    /// Over all queries.
+    #[serde(flatten)]
+    pub all: Measures,
+    /// Over the queries of each label.
+    pub per_class: BTreeMap<String, Measures>,
+    /// How often a query of a label (outer key) has a first hit of a label (inner key).
+    pub confusion: BTreeMap<String, BTreeMap<String, usize>>,
+}
+
+/// The measures of several spaces, over the same queries.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Evaluation {
+    /// The tag whose values are the labels.
+    pub label: String,
+    /// The k of P@k.
+    pub k: usize,
+    /// In the order asked for.
+    pub spaces: Vec<SpaceMeasures>,
+}
+
+/// Evaluates `spaces` by the tag `label`.
+///
+/// # Errors
+/// [`Error::NoLabel`] where fewer than two textures carry the tag, [`Error::ZeroK`], [`Error::NoSuchSpace`],
+/// [`Error::Cancelled`], and whatever reading the store gives.
+pub fn evaluate(
+    database: &Database,
+    label: &str,
+    k: usize,
+    spaces: &[String],
+    progress: &dyn Progress,
+) -> Result<Evaluation, Error> {
+    if k == 0 {
+        return Err(Error::ZeroK);
+    }
+    let labels: BTreeMap<u64, String> = database.labels(label)?;
+    if labels.len() < 2 {
+        return Err(Error::NoLabel { key: label.to_owned() });
+    }
+    progress.begin("evaluating", Some((spaces.len() * labels.len()) as u64));
+    let spaces = spaces.iter().map(|space| evaluate_space(database, space, &labels, k, progress));
+    Ok(Evaluation { label: label.to_owned(), k, spaces: spaces.collect::<Result<_, _>>()? })
+}
+
+/// A labelled point.
+struct Labelled {
+    id: u64,
+    class: usize,
+    point: Vec<f32>,
+}
+
+/// What one query gave.
+struct Ranked {
+    class: usize,
+    first: usize,
+    measures: Measures,
+}
+
+fn evaluate_space(
+    database: &Database,
+    space: &str,
+    labels: &BTreeMap<u64, String>,
+    k: usize,
+    progress: &dyn Progress,
+) -> Result<SpaceMeasures, Error> {
+    let mut classes: Vec<&String> = labels.values().collect();
+    classes.sort_unstable();
+    classes.dedup();
+    let (metric, points) = database.points_of(space, labels.keys().copied())?;
+    let class = |id: u64| labels.get(&id).and_then(|label| classes.binary_search(&label).ok()).unwrap_or_default();
+    let points: Vec<Labelled> =
+        points.into_iter().map(|(id, point)| Labelled { id, class: class(id), point }).collect();
+    let ranked: Vec<Ranked> = points
+        .par_iter()
+        .filter_map(|query| {
+            progress.advance(1);
+            if progress.cancelled() { None } else { rank(query, &points, metric, k) }
+        })
+        .collect();
+    if progress.cancelled() {
+        return Err(Error::Cancelled);
+    }
+    let mut per_class = BTreeMap::new();
+    let mut confusion: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
+    for (number, name) in classes.iter().enumerate() {
+        let of_class = || ranked.iter().filter(|query| query.class == number);
+        per_class.insert((*name).clone(), mean(of_class()));
+        let row = confusion.entry((*name).clone()).or_default();
+        for query in of_class() {
+            if let Some(first) = classes.get(query.first) {
+                *row.entry((*first).clone()).or_default() += 1;
+            }
+        }
+    }
+    Ok(SpaceMeasures { space: space.to_owned(), all: mean(ranked.iter()), per_class, confusion })
+}
+
+/// Ranks all others by (distance, id); `None` where no other has the query's class.
+fn rank(query: &Labelled, points: &[Labelled], metric: Metric, k: usize) -> Option<Ranked> {
+    let mut others: Vec<(f64, u64, usize)> = points
+        .iter()
+        .filter(|other| other.id != query.id)
+        .map(|other| (metric.distance(&query.point, &other.point), other.id, other.class))
+        .collect();
+    others.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let first = others.first()?.2;
+    let relevant = |hits: &[(f64, u64, usize)]| hits.iter().filter(|hit| hit.2 == query.class).count();
+    let mut found = 0_usize;
+    let mut precisions = 0.0;
+    for (above, hit) in others.iter().enumerate() {
+        if hit.2 == query.class {
+            found += 1;
+            precisions += found as f64 / (above + 1) as f64;
+        }
+    }
+    if found == 0 {
+        return None;
+    }
+    let top = others.get(..k).unwrap_or(&others);
+    let measures = Measures {
+        queries: 1,
+        p_at_1: f64::from(u8::from(first == query.class)),
+        p_at_k: relevant(top) as f64 / top.len() as f64,
+        map: precisions / found as f64,
+    };
+    Some(Ranked { class: query.class, first, measures })
+}
+
+fn mean<'a>(ranked: impl Iterator<Item = &'a Ranked>) -> Measures {
+    let mut sum = Measures::default();
+    for Ranked { measures, .. } in ranked {
+        sum.queries += 1;
+        sum.p_at_1 += measures.p_at_1;
+        sum.p_at_k += measures.p_at_k;
+        sum.map += measures.map;
+    }
+    let count = sum.queries.max(1) as f64;
+    Measures { p_at_1: sum.p_at_1 / count, p_at_k: sum.p_at_k / count, map: sum.map / count, ..sum }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(id: u64, class: usize, x: f32) -> Labelled {
+        Labelled { id, class, point: vec![x] }
+    }
+
+    #[test]
+    fn average_precision_is_the_textbooks() {
+        // Ranking of the query at 0: classes 1 0 0 1 0 -> relevant at ranks 2, 3, 5.
+        let points = [
+            point(1, 0, 0.0),
+            point(2, 1, 1.0),
+            point(3, 0, 2.0),
+            point(4, 0, 3.0),
+            point(5, 1, 4.0),
+            point(6, 0, 5.0),
+        ];
+        let ranked = rank(&points[0], &points, Metric::L2, 2).unwrap();
+        assert_eq!((ranked.measures.p_at_1, ranked.measures.p_at_k), (0.0, 0.5));
+        assert!((ranked.measures.map - (1.0 / 2.0 + 2.0 / 3.0 + 3.0 / 5.0) / 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_lonely_label_is_no_query() {
+        assert!(rank(&point(1, 7, 0.0), &[point(1, 7, 0.0), point(2, 1, 1.0)], Metric::L2, 3).is_none());
+    }
+
+    #[test]
+    fn equal_distances_rank_by_id() {
+        let points = [point(1, 0, 0.0), point(3, 0, 1.0), point(2, 1, 1.0)];
+        assert_eq!(rank(&points[0], &points, Metric::L2, 1).unwrap().first, 1);
+    }
+}
