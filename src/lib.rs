@@ -1,4 +1,5 @@
 //! hlacdb: an embedded database that finds solid textures that look alike.
 
 pub mod hlac;
+pub mod space;
 pub mod volume;
