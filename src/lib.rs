@@ -2,4 +2,5 @@
 
 pub mod hlac;
 pub mod space;
+pub mod synth;
 pub mod volume;
