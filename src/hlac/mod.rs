@@ -6,19 +6,29 @@
 //!
 //! Imports only [`crate::volume`]. Exact means exact: every kernel gives the same bits.
 
+mod extraction;
+mod hit_sum;
 pub mod kernel;
 pub mod masks;
 pub mod orbits;
+mod sampled;
+mod slabs;
 mod sums;
 pub mod views;
 
+pub use extraction::{ExtractError, Extraction, Spacing, Workers};
+pub use hit_sum::{HitSums, extract_hit_sum};
 pub use masks::{MASK_COUNT, MASKS, Mask};
 pub use sums::{OctantSums, Sums};
 pub use views::{View, describe};
+pub use sampled::extract_sampled;
+pub use slabs::SlabExtractor;
+pub use sums::{MaskedSums, OctantSums, RegionSums, Sums};
 
 use crate::volume::Volume;
+use kernel::Slab;
 
-/// The exact sums of a volume's eight octants (of its luma, where it has colour).
+/// The exact sums of a volume's eight octants (of its luma, where it has colour), on the calling thread.
 ///
 /// ```
 /// use hlacdb::{hlac, volume::Volume};
@@ -29,5 +39,11 @@ use crate::volume::Volume;
 /// ```
 pub fn extract(volume: &Volume) -> OctantSums {
     let grey = volume.luma();
-    kernel::scalar::octants(grey.shape(), grey.voxels())
+    kernel::sums(&Slab::whole(grey.shape(), 1, grey.voxels()))
+}
+
+/// [`extract`] by the threads of the current rayon pool: for volumes that are few, or large.
+pub fn extract_parallel(volume: &Volume) -> OctantSums {
+    let grey = volume.luma();
+    kernel::sums_in_pool(&Slab::whole(grey.shape(), 1, grey.voxels()))
 }

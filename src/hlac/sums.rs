@@ -84,3 +84,52 @@ impl OctantSums {
         &mut self.0[4 * upper(0) + 2 * upper(1) + upper(2)]
     }
 }
+
+impl AddAssign<&OctantSums> for OctantSums {
+    fn add_assign(&mut self, other: &OctantSums) {
+        for (sums, other) in self.0.iter_mut().zip(other.0.iter()) {
+            *sums += other;
+        }
+    }
+}
+
+/// Sums within a region: every mask has its own number of windows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MaskedSums {
+    /// For each mask, the number of windows in which all of its cells lie in the region.
+    pub windows: [u64; MASK_COUNT],
+    /// For each mask, in the order of [`MASKS`], the sum over those windows of the product of the intensities.
+    pub values: [u64; MASK_COUNT],
+}
+
+impl MaskedSums {
+    /// The moments: `sums / (windows * 255^cells)`, each in [0, 1]; 0 for a mask without a window.
+    pub fn moments(&self) -> [f64; MASK_COUNT] {
+        let mut moments = [0.0; MASK_COUNT];
+        for (index, moment) in moments.iter_mut().enumerate() {
+            if self.windows[index] > 0 {
+                let full = self.windows[index] as f64 * 255_f64.powi(MASKS[index].order() as i32);
+                *moment = self.values[index] as f64 / full;
+            }
+        }
+        moments
+    }
+}
+
+/// The sums within a region, by octant in the order of [`OctantSums`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RegionSums(pub Box<[MaskedSums; 8]>);
+
+impl RegionSums {
+    /// The sums of the whole region.
+    pub fn total(&self) -> MaskedSums {
+        let mut total = MaskedSums { windows: [0; MASK_COUNT], values: [0; MASK_COUNT] };
+        for sums in self.0.iter() {
+            for index in 0..MASK_COUNT {
+                total.windows[index] += sums.windows[index];
+                total.values[index] += sums.values[index];
+            }
+        }
+        total
+    }
+}

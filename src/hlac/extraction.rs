@@ -1,0 +1,178 @@
+//! [`Extraction`]: the exact sums with options: spacing, a region, several threads.
+
+use std::borrow::Cow;
+
+use super::kernel::{self, Slab};
+use super::sums::{MaskedSums, RegionSums};
+use super::{MASKS, OctantSums};
+use crate::volume::{Shape, Volume};
+
+/// How far apart the cells of a window are, in voxels: the window is a cube of 3, 5 or 9 voxels a side.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Spacing {
+    /// Neighbouring voxels: the paper's windows.
+    #[default]
+    One,
+    /// Every second voxel.
+    Two,
+    /// Every fourth voxel.
+    Four,
+}
+
+impl Spacing {
+    /// All of them, ascending.
+    pub const ALL: [Self; 3] = [Self::One, Self::Two, Self::Four];
+
+    /// 1, 2 or 4.
+    pub const fn voxels(self) -> usize {
+        match self {
+            Self::One => 1,
+            Self::Two => 2,
+            Self::Four => 4,
+        }
+    }
+}
+
+/// Who works on one volume.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Workers {
+    /// The calling thread alone: right when there are more volumes than cores.
+    #[default]
+    One,
+    /// The threads of the current rayon pool, slab by slab: right for few or large volumes.
+    Pool,
+}
+
+/// The exact sums with options; [`super::extract`] is this with none.
+///
+/// ```
+/// use hlacdb::{hlac::{Extraction, Spacing}, volume::Volume};
+/// let volume = Volume::from_fn([8, 8, 8], |z, y, x| (z * y * x) as u8)?;
+/// let sums = Extraction::new().spacing(Spacing::Two).sums(&volume)?.total();
+/// assert_eq!(sums.windows, 4 * 4 * 4);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[must_use]
+pub struct Extraction {
+    spacing: Spacing,
+    workers: Workers,
+}
+
+impl Extraction {
+    /// Spacing 1, on the calling thread.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Sets how far apart the cells of a window are. There are then (Z-2s)(Y-2s)(X-2s) windows.
+    pub fn spacing(self, spacing: Spacing) -> Self {
+        Self { spacing, ..self }
+    }
+
+    /// Sets who works.
+    pub fn workers(self, workers: Workers) -> Self {
+        Self { workers, ..self }
+    }
+
+    /// The octant sums of a volume (of its luma, where it has colour).
+    ///
+    /// # Errors
+    /// [`ExtractError::TooSmall`] where no window of this spacing fits.
+    pub fn sums(&self, volume: &Volume) -> Result<OctantSums, ExtractError> {
+        self.check(volume.shape())?;
+        let grey = volume.luma();
+        Ok(self.run(grey.shape(), grey.voxels()))
+    }
+
+    /// The octant sums of the part of a volume that lies in a region.
+    ///
+    /// `region` is a grey volume of the same shape; its voxels that are not 0 are the region. A window counts for a mask
+    /// when all of the mask's cells lie in the region, so every mask has its own number of windows.
+    ///
+    /// # Errors
+    /// [`ExtractError::TooSmall`], [`ExtractError::Region`].
+    pub fn sums_in(&self, volume: &Volume, region: &Volume) -> Result<RegionSums, ExtractError> {
+        self.check(volume.shape())?;
+        if region.shape() != volume.shape() || region.channels() != 1 {
+            return Err(ExtractError::Region {
+                volume: volume.shape(),
+                region: region.shape(),
+                channels: region.channels(),
+            });
+        }
+        // A product with a cell outside is 0, so the sums are those of the volume with everything outside set to 0; and
+        // the counts are the sums of the region itself, with 1 for inside.
+        let inside = |(&voxel, &inside): (&u8, &u8)| if inside == 0 { 0 } else { voxel };
+        let grey = volume.luma();
+        let masked: Cow<'_, [u8]> = grey.voxels().iter().zip(region.voxels()).map(inside).collect();
+        let values = self.run(grey.shape(), &masked);
+        let region: Vec<u8> = region.voxels().iter().map(|&voxel| if voxel == 0 { 0 } else { 255 }).collect();
+        let hits = self.run(grey.shape(), &region);
+        Ok(RegionSums(Box::new(std::array::from_fn(|octant| {
+            let mut windows = hits.0[octant].values;
+            for (count, mask) in windows.iter_mut().zip(&MASKS) {
+                *count /= 255_u64.pow(mask.order() as u32);
+            }
+            MaskedSums { windows, values: values.0[octant].values }
+        }))))
+    }
+
+    fn check(&self, shape: Shape) -> Result<(), ExtractError> {
+        let needed = 2 * self.spacing.voxels() + 1;
+        if shape.iter().any(|&side| side < needed) {
+            return Err(ExtractError::TooSmall { shape, spacing: self.spacing.voxels(), needed });
+        }
+        Ok(())
+    }
+
+    fn run(&self, shape: Shape, voxels: &[u8]) -> OctantSums {
+        let slab = Slab::whole(shape, self.spacing.voxels(), voxels);
+        match self.workers {
+            Workers::One => kernel::sums(&slab),
+            Workers::Pool => kernel::sums_in_pool(&slab),
+        }
+    }
+}
+
+/// Why there are no sums.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExtractError {
+    /// No window of this spacing fits the volume.
+    #[error(
+        "the volume is {} x {} x {} (Z, Y, X), but windows of spacing {spacing} need {needed} voxels on every side: take a smaller spacing",
+        shape[0], shape[1], shape[2]
+    )]
+    TooSmall {
+        /// The volume's shape.
+        shape: Shape,
+        /// The spacing that was asked for.
+        spacing: usize,
+        /// The shortest side that would do.
+        needed: usize,
+    },
+    /// The region is no mask of the volume.
+    #[error(
+        "the region is {} x {} x {} with {channels} channel(s), but the volume is {} x {} x {}: a region is a grey volume of the same shape",
+        region[0], region[1], region[2], volume[0], volume[1], volume[2]
+    )]
+    Region {
+        /// The volume's shape.
+        volume: Shape,
+        /// The region's shape.
+        region: Shape,
+        /// The region's channels.
+        channels: usize,
+    },
+    /// Slabs were given that do not make up the volume.
+    #[error("{found} voxels were given in slabs, but a volume of {} x {} x {} has {expected}: give every Z-plane once, in order, whole", shape[0], shape[1], shape[2])]
+    Slabs {
+        /// The volume's shape.
+        shape: Shape,
+        /// The voxels that the shape needs, or the next whole plane would end at.
+        expected: u64,
+        /// The voxels that came.
+        found: u64,
+    },
+}
