@@ -19,11 +19,10 @@ pub mod views;
 pub use extraction::{ExtractError, Extraction, Spacing, Workers};
 pub use hit_sum::{HitSums, extract_hit_sum};
 pub use masks::{MASK_COUNT, MASKS, Mask};
-pub use sums::{OctantSums, Sums};
-pub use views::{View, describe};
 pub use sampled::extract_sampled;
 pub use slabs::SlabExtractor;
 pub use sums::{MaskedSums, OctantSums, RegionSums, Sums};
+pub use views::{View, describe};
 
 use crate::volume::Volume;
 use kernel::Slab;

@@ -124,3 +124,51 @@ fn by_orbit(recipe: &Recipe, shares: &[f64]) -> Vec<Share> {
     orbits.sort_by(|a, b| b.share.abs().total_cmp(&a.share.abs()));
     orbits
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space::fixtures::{described, features, statistics};
+    use crate::space::{Definition, Prior};
+
+    #[test]
+    fn shares_make_up_the_distance_between_the_points() {
+        let textures: Vec<_> = (0..30).map(described).collect();
+        for name in Definition::BUILT_IN {
+            let definition = Definition::built_in(name).unwrap();
+            let own = statistics(&definition.recipe, &textures);
+            let space = Space::fit(&definition, &own, None, &Prior::none()).unwrap();
+            let [a, b] = [3, 8].map(|at: usize| features(&definition.recipe, &textures[at]));
+            let explained = space.explain(&a, &b).unwrap();
+            let pairs = space.point(&a).unwrap().into_iter().zip(space.point(&b).unwrap());
+            let differences = pairs.map(|(a, b)| (f64::from(a) - f64::from(b)).abs());
+            let distance = match space.metric() {
+                Metric::L1 => differences.sum::<f64>(),
+                Metric::L2 => differences.map(|d| d * d).sum::<f64>().sqrt(),
+            };
+            assert!((explained.distance / distance - 1.0).abs() < 1e-5, "{name}");
+            let sums = [
+                explained.views.iter().map(|(_, share)| share).sum::<f64>(),
+                explained.cells.iter().sum(),
+                explained.orbits.iter().map(|orbit| orbit.share).sum(),
+            ];
+            assert!(sums.iter().all(|sum| (sum - 1.0).abs() < 1e-8), "{name}: {sums:?}");
+            assert!(explained.orbits.is_sorted_by(|a, b| a.share.abs() >= b.share.abs()));
+            let same = space.explain(&a, &a).unwrap();
+            assert!(same.distance == 0.0 && same.cells == [0.0; 3]);
+        }
+    }
+
+    #[test]
+    fn orbits_are_named_by_their_letters() {
+        let textures: Vec<_> = (0..3).map(described).collect();
+        let definition = Definition::built_in("zscore").unwrap();
+        let own = statistics(&definition.recipe, &textures);
+        let space = Space::fit(&definition, &own, None, &Prior::none()).unwrap();
+        let [a, b] = [0, 1].map(|at: usize| features(&definition.recipe, &textures[at]));
+        let explained = space.explain(&a, &b).unwrap();
+        assert_eq!(explained.orbits.len(), orbits::ORBIT_COUNT);
+        let pairs = explained.orbits.iter().find(|orbit| orbit.orbit == 1).unwrap();
+        assert_eq!((pairs.aspect, pairs.masks.join(" ").as_str()), ("masks", "ab ad aj"));
+    }
+}

@@ -54,6 +54,21 @@ impl Model {
     }
 }
 
+impl Model {
+    /// The part for some of the features.
+    pub(super) fn select(&self, features: &[usize]) -> Self {
+        let part = |matrix: &Matrix| {
+            Matrix::from_fn(features.len(), features.len(), |i, j| matrix[(features[i], features[j])])
+        };
+        Self {
+            mean: features.iter().map(|&feature| self.mean[feature]).collect(),
+            between: part(&self.between),
+            within: part(&self.within),
+            nuisance: part(&self.nuisance),
+        }
+    }
+}
+
 /// A fitted map: `(x - mean) weights`, before the scaling to unit length.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Projection {

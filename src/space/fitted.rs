@@ -424,3 +424,6 @@ pub struct Drift {
     /// The spread of the textures now by that of then; 1 means no change.
     pub spread: f64,
 }
+
+#[cfg(test)]
+mod tests;

@@ -38,8 +38,10 @@ mod error;
 mod explain;
 mod fit;
 mod fitted;
+#[cfg(test)]
+mod fixtures;
 mod linear;
-mod prior;
+pub mod prior;
 mod recipe;
 mod roots;
 mod scatter;

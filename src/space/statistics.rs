@@ -11,7 +11,8 @@ use super::bytes::{Header, Reader, Writer};
 use super::linear::Matrix;
 use super::scatter::{Scatter, Sign};
 use super::{Features, Form, Recipe, SpaceError};
-use crate::hlac::{MASK_COUNT, OctantSums, View};
+use crate::hlac::{self, MASK_COUNT, OctantSums, View};
+use crate::volume::Volume;
 
 /// One unit of a quantised feature.
 const UNIT: f64 = 1.0 / (1_u64 << 40) as f64;
@@ -473,6 +474,17 @@ impl Nuisance {
         self.scatter.outer(&difference, Sign::Add);
         self.count += 1;
         Ok(())
+    }
+
+    /// Describes a texture and a copy of it and counts the pair; false where they lack a view and nothing is counted.
+    ///
+    /// # Errors
+    /// None that volumes can give.
+    pub fn observe(&mut self, texture: &Volume, copy: &Volume) -> Result<bool, SpaceError> {
+        let contribution = |volume| Contribution::of_sums(&self.recipe, &hlac::describe(volume, self.recipe.views()));
+        let pair = contribution(texture)?.zip(contribution(copy)?);
+        pair.as_ref().map_or(Ok(()), |(texture, copy)| self.add(texture, copy))?;
+        Ok(pair.is_some())
     }
 
     /// Adds the pairs that `other` counts.
