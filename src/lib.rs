@@ -47,6 +47,7 @@ mod query;
 pub mod recipes;
 pub mod space;
 pub mod store;
+pub mod space;
 pub mod synth;
 pub mod volume;
 

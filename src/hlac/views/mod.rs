@@ -29,7 +29,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use self::maps::Contrast;
-use super::{OctantSums, extract};
+use super::{OctantSums, kernel};
 use crate::volume::{Shape, Volume};
 
 /// The shortest side that a block average may leave: four voxels give every octant a window.
@@ -239,7 +239,8 @@ pub fn render(volume: &Volume, view: View) -> Option<Volume> {
 /// left out.
 ///
 /// What views have in common (the stretched volume, its block averages, the differences from the neighbourhood) is
-/// made once. The sums of `full@1` are those of [`extract`].
+/// made once. The sums of `full@1` are those of
+/// [`extract`](super::extract).
 ///
 /// ```
 /// use hlacdb::hlac::{self, View};
@@ -306,14 +307,13 @@ impl<'a> Copies<'a> {
 
     fn octants(&mut self, view: View) -> Option<OctantSums> {
         let shape = view.shape_of(self.grey.shape())?;
-        let voxels = match view {
-            View::Full => return Some(extract(self.grey)),
-            View::Sign(scale) => return Some(bits::octants(shape, self.contrast(scale)?.differences())),
-            View::Stretch(scale) => self.stretch(scale)?.to_vec(),
-            View::Detail => self.contrast(Scale::One)?.detail(),
-            View::Rank(scale) => self.rank(scale)?,
-        };
-        Volume::new(shape, 1, voxels).ok().map(|copy| extract(&copy))
+        Some(match view {
+            View::Full => kernel::octants(shape, self.grey.voxels()),
+            View::Sign(scale) => bits::octants(shape, self.contrast(scale)?.differences()),
+            View::Stretch(scale) => kernel::octants(shape, self.stretch(scale)?),
+            View::Detail => kernel::octants(shape, &self.contrast(Scale::One)?.detail()),
+            View::Rank(scale) => kernel::octants(shape, &self.rank(scale)?),
+        })
     }
 }
 

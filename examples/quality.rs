@@ -1,0 +1,188 @@
+//! How well the spaces retrieve: `cargo run --release --example quality [RECIPE [LABEL]]...`.
+//!
+//! For each recipe (a built-in name or a TOML file; `families` by `family` and `paper600` by `class` unless said
+//! otherwise) every texture asks for all others, clean and under all nuisances. What is fitted never saw the family of
+//! the query: the store's own statistics are those of the other families. Printed: mean average precision, precision
+//! at 1 and at 30, by space and by what it was fitted on: the prior alone, the store's own statistics alone, or both.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::error::Error;
+
+use hlacdb::hlac::{self, MASK_COUNT, View};
+use hlacdb::space::{Contribution, Definition, Features, Kind, Metric, Prior, Space, Statistics};
+use hlacdb::synth::{Nuisance, Recipe, Specimen};
+use rayon::prelude::*;
+
+type Failure = Box<dyn Error + Send + Sync>;
+
+/// A described texture.
+struct Texture {
+    label: String,
+    moments: BTreeMap<View, [f32; MASK_COUNT]>,
+    contributions: Vec<Contribution>,
+}
+
+fn main() -> Result<(), Failure> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let sets: Vec<(String, String)> = match arguments.as_slice() {
+        [] => vec![("families".into(), "family".into()), ("paper600".into(), "class".into())],
+        named => named.chunks(2).map(|c| (c[0].clone(), c.get(1).cloned().unwrap_or("family".into()))).collect(),
+    };
+    for (name, label) in sets {
+        let recipe = match Recipe::builtin(&name) {
+            Ok(recipe) => recipe,
+            Err(_) => Recipe::parse(&std::fs::read_to_string(&name)?)?,
+        };
+        let clean = textures(&recipe.clone().with_nuisance(Nuisance::NONE).specimens(), &label)?;
+        let all = textures(&recipe.with_nuisance(Nuisance::ALL).specimens(), &label)?;
+        let labels: BTreeSet<&str> = clean.iter().map(|texture| texture.label.as_str()).collect();
+        println!("\n{name}: {} textures, {} labels; mAP / P@1 / P@30", clean.len(), labels.len());
+        println!("| space | fitted on | clean | all nuisances | nuisance query, clean store |");
+        println!("|---|---|---|---|---|");
+        for name in Definition::BUILT_IN {
+            for (fitted, prior, own) in fits(name) {
+                let definition = Definition::built_in(name).ok_or("no such space")?;
+                let [clean_scores, all_scores, crossed] = [
+                    scores(&definition, &prior, own, &clean, &clean)?,
+                    scores(&definition, &prior, own, &all, &all)?,
+                    scores(&definition, &prior, own, &all, &clean)?,
+                ];
+                println!("| {name} | {fitted} | {clean_scores} | {all_scores} | {crossed} |");
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What a space is fitted on: its name, the prior, and whether the store's own statistics are looked at.
+fn fits(space: &str) -> Vec<(String, Prior, bool)> {
+    if space == "paper" || space == "zscore" {
+        return vec![("own".into(), Prior::none(), true)];
+    }
+    let shipped = Prior::shipped();
+    let mut fits = vec![("prior".into(), shipped.clone(), false), ("own".into(), Prior::none(), true)];
+    let weights: Vec<f64> = match std::env::var("WEIGHTS") {
+        Ok(list) => list.split(',').filter_map(|weight| weight.parse().ok()).collect(),
+        Err(_) => vec![shipped.weight()],
+    };
+    fits.extend(weights.into_iter().map(|w| (format!("prior as {w} + own"), shipped.clone().with_weight(w), true)));
+    fits
+}
+
+fn textures(specimens: &[Specimen], label: &str) -> Result<Vec<Texture>, Failure> {
+    let describe = |specimen: &Specimen| {
+        let described = hlac::describe(&specimen.volume(), &View::DEFAULT_STORED);
+        let recipes: BTreeMap<String, _> = Definition::BUILT_IN
+            .iter()
+            .filter_map(|name| Definition::built_in(name))
+            .map(|definition| (definition.recipe.key(), definition.recipe))
+            .collect();
+        let contributions = recipes.values().filter_map(|r| Contribution::of_sums(r, &described).transpose());
+        Ok(Texture {
+            label: specimen.tags.get(label).cloned().unwrap_or_default(),
+            contributions: contributions.collect::<Result<_, _>>()?,
+            moments: described.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect(),
+        })
+    };
+    specimens.par_iter().map(describe).collect()
+}
+
+/// Retrieval measures, averaged over the queries.
+#[derive(Default)]
+struct Scores {
+    map: f64,
+    first: f64,
+    thirty: f64,
+    queries: f64,
+}
+
+impl std::fmt::Display for Scores {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mean = |sum: f64| sum / self.queries;
+        write!(f, "{:.3} / {:.3} / {:.3}", mean(self.map), mean(self.first), mean(self.thirty))
+    }
+}
+
+/// Each query asks for the textures of the store; its own number among them is left out.
+fn scores(
+    definition: &Definition,
+    prior: &Prior,
+    own: bool,
+    queries: &[Texture],
+    store: &[Texture],
+) -> Result<Scores, Failure> {
+    let contributions = |textures: &[Texture]| -> Vec<Contribution> {
+        let of = |texture: &Texture| texture.contributions.iter().find(|c| *c.recipe() == definition.recipe).cloned();
+        textures.iter().filter_map(of).collect()
+    };
+    let stored = contributions(store);
+    let mut whole = Statistics::new(&definition.recipe);
+    stored.iter().try_for_each(|texture| whole.add(texture))?;
+    let features = |textures: &[Texture]| -> Result<Vec<Features>, Failure> {
+        Ok(textures
+            .iter()
+            .map(|texture| definition.recipe.features(|view| texture.moments.get(&view)))
+            .collect::<Result<_, _>>()?)
+    };
+    let (query_features, store_features) = (features(queries)?, features(store)?);
+    // The paper's experiment has two classes: to leave one out is to leave half the store out.
+    let labels: BTreeSet<&str> = queries.iter().map(|texture| texture.label.as_str()).collect();
+    let left_out = |label: &str| -> Result<Statistics, Failure> {
+        let mut statistics = if own { whole.clone() } else { Statistics::new(&definition.recipe) };
+        if own && labels.len() > 2 && definition.kind != Kind::ZScore {
+            let gone = store.iter().zip(&stored).filter(|(texture, _)| texture.label == label);
+            gone.map(|(_, contribution)| contribution).try_for_each(|texture| statistics.remove(texture))?;
+        }
+        Ok(statistics)
+    };
+    let per_label = labels.par_iter().map(|&label| {
+        let space = Space::fit(definition, &left_out(label)?, None, prior)?;
+        let points = |features: &[Features]| features.iter().map(|f| space.point(f)).collect::<Result<Vec<_>, _>>();
+        let (query_points, store_points) = (points(&query_features)?, points(&store_features)?);
+        let mut scores = Scores::default();
+        for (at, query) in queries.iter().enumerate().filter(|(_, query)| query.label == label) {
+            let mut hits: Vec<(f64, bool)> = Vec::new();
+            for (other, texture) in store.iter().enumerate().filter(|(other, _)| *other != at) {
+                let distance = distance(space.metric(), &query_points[at], &store_points[other]);
+                hits.push((distance, texture.label == query.label));
+            }
+            hits.sort_by(|a, b| a.0.total_cmp(&b.0));
+            scores.count(&hits);
+        }
+        Ok(scores)
+    });
+    per_label.try_reduce(Scores::default, |a, b| {
+        Ok(Scores {
+            map: a.map + b.map,
+            first: a.first + b.first,
+            thirty: a.thirty + b.thirty,
+            queries: a.queries + b.queries,
+        })
+    })
+}
+
+impl Scores {
+    fn count(&mut self, hits: &[(f64, bool)]) {
+        let (mut found, mut precisions) = (0.0, 0.0);
+        for (rank, (_, relevant)) in hits.iter().enumerate() {
+            if *relevant {
+                found += 1.0;
+                precisions += found / (rank + 1) as f64;
+            }
+        }
+        self.map += if found > 0.0 { precisions / found } else { 0.0 };
+        let precision = |k: usize| hits.iter().take(k).filter(|hit| hit.1).count() as f64 / k as f64;
+        self.first += precision(1);
+        self.thirty += precision(30);
+        self.queries += 1.0;
+    }
+}
+
+fn distance(metric: Metric, a: &[f32], b: &[f32]) -> f64 {
+    let difference = |(a, b): (&f32, &f32)| f64::from(*a) - f64::from(*b);
+    let pairs = a.iter().zip(b);
+    match metric {
+        Metric::L1 => pairs.map(|pair| difference(pair).abs()).sum(),
+        Metric::L2 => pairs.map(|pair| difference(pair).powi(2)).sum::<f64>().sqrt(),
+    }
+}

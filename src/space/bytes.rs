@@ -1,0 +1,257 @@
+//! Checked bytes: how statistics, spaces and priors are written down.
+//!
+//! ```text
+//! magic      4 bytes, says what it is
+//! version    u16
+//! content
+//! checksum   u64, XXH3-64 of all bytes before
+//! ```
+//!
+//! All numbers are little-endian. A list is its length as u32, then its items. Lists of large integers are packed: the
+//! width in bytes (1 to 16) that the widest needs, then each in two's complement of this width.
+
+use xxhash_rust::xxh3::xxh3_64;
+
+use super::SpaceError;
+
+/// What kind of thing the bytes are.
+#[derive(Clone, Copy)]
+pub(super) struct Header {
+    /// What errors call it.
+    pub(super) what: &'static str,
+    pub(super) magic: [u8; 4],
+    pub(super) version: u16,
+}
+
+/// Writes content behind a header.
+pub(super) struct Writer(Vec<u8>);
+
+impl Writer {
+    pub(super) fn new(header: Header) -> Self {
+        let mut bytes = header.magic.to_vec();
+        bytes.extend(header.version.to_le_bytes());
+        Self(bytes)
+    }
+
+    pub(super) fn u8(&mut self, value: u8) {
+        self.0.push(value);
+    }
+
+    pub(super) fn u32(&mut self, value: u32) {
+        self.0.extend(value.to_le_bytes());
+    }
+
+    pub(super) fn u64(&mut self, value: u64) {
+        self.0.extend(value.to_le_bytes());
+    }
+
+    pub(super) fn f64(&mut self, value: f64) {
+        self.u64(value.to_bits());
+    }
+
+    /// The length of a list. What is written is far below 2^32 items long.
+    fn length(&mut self, length: usize) {
+        self.u32(length as u32);
+    }
+
+    pub(super) fn bytes(&mut self, bytes: &[u8]) {
+        self.length(bytes.len());
+        self.0.extend(bytes);
+    }
+
+    pub(super) fn f64s(&mut self, values: &[f64]) {
+        self.length(values.len());
+        values.iter().for_each(|&value| self.f64(value));
+    }
+
+    pub(super) fn f32s(&mut self, values: impl ExactSizeIterator<Item = f32>) {
+        self.length(values.len());
+        values.for_each(|value| self.0.extend(value.to_le_bytes()));
+    }
+
+    pub(super) fn packed(&mut self, values: &[i128]) {
+        // All bits that differ from the sign in any of the values, and one for the sign itself.
+        let used = values.iter().fold(0, |used, &value| used | (value ^ (value >> 127)));
+        let width = ((129 - used.leading_zeros()).div_ceil(8) as usize).clamp(1, 16);
+        self.length(values.len());
+        self.u8(width as u8);
+        self.0.reserve(values.len() * width);
+        values.iter().for_each(|value| self.0.extend(&value.to_le_bytes()[..width]));
+    }
+
+    pub(super) fn finish(mut self) -> Vec<u8> {
+        let checksum = xxh3_64(&self.0);
+        self.u64(checksum);
+        self.0
+    }
+}
+
+/// Reads content, and trusts nothing.
+pub(super) struct Reader<'a> {
+    header: Header,
+    rest: &'a [u8],
+}
+
+impl<'a> Reader<'a> {
+    /// Checks magic, version and checksum.
+    pub(super) fn new(header: Header, bytes: &'a [u8]) -> Result<Self, SpaceError> {
+        let damaged = |found| SpaceError::Damaged { what: header.what, found };
+        let (content, checksum) = bytes.split_last_chunk::<8>().ok_or(damaged("it is too short"))?;
+        let (magic, rest) = content.split_first_chunk::<4>().ok_or(damaged("it is too short"))?;
+        let (version, rest) = rest.split_first_chunk::<2>().ok_or(damaged("it is too short"))?;
+        if *magic != header.magic {
+            return Err(damaged("it begins with the wrong bytes"));
+        }
+        // Before the checksum, so that a newer version may change how that is made.
+        let version = u16::from_le_bytes(*version);
+        if version != header.version {
+            return Err(SpaceError::Version { what: header.what, found: version, supported: header.version });
+        }
+        if u64::from_le_bytes(*checksum) != xxh3_64(content) {
+            return Err(damaged("its checksum does not match"));
+        }
+        Ok(Self { header, rest })
+    }
+
+    pub(super) fn damaged(&self, found: &'static str) -> SpaceError {
+        SpaceError::Damaged { what: self.header.what, found }
+    }
+
+    fn take(&mut self, length: usize) -> Result<&'a [u8], SpaceError> {
+        let (taken, rest) = self.rest.split_at_checked(length).ok_or(self.damaged("it ends too early"))?;
+        self.rest = rest;
+        Ok(taken)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], SpaceError> {
+        let (taken, rest) = self.rest.split_first_chunk::<N>().ok_or(self.damaged("it ends too early"))?;
+        self.rest = rest;
+        Ok(*taken)
+    }
+
+    pub(super) fn u8(&mut self) -> Result<u8, SpaceError> {
+        Ok(u8::from_le_bytes(self.array()?))
+    }
+
+    pub(super) fn u32(&mut self) -> Result<u32, SpaceError> {
+        Ok(u32::from_le_bytes(self.array()?))
+    }
+
+    pub(super) fn u64(&mut self) -> Result<u64, SpaceError> {
+        Ok(u64::from_le_bytes(self.array()?))
+    }
+
+    /// A finite number.
+    pub(super) fn f64(&mut self) -> Result<f64, SpaceError> {
+        let value = f64::from_le_bytes(self.array()?);
+        if value.is_finite() { Ok(value) } else { Err(self.damaged("a number in it is not finite")) }
+    }
+
+    pub(super) fn bytes(&mut self) -> Result<&'a [u8], SpaceError> {
+        let length = self.u32()?;
+        self.take(length as usize)
+    }
+
+    /// The items of a list that must have `length` of them, `width` bytes each.
+    fn items(&mut self, length: usize, width: usize) -> Result<std::slice::ChunksExact<'a, u8>, SpaceError> {
+        let size = length.checked_mul(width).ok_or(self.damaged("a list in it is too long"))?;
+        Ok(self.take(size)?.chunks_exact(width))
+    }
+
+    fn length(&mut self, expected: usize) -> Result<(), SpaceError> {
+        if self.u32()? as usize == expected { Ok(()) } else { Err(self.damaged("a list in it has the wrong length")) }
+    }
+
+    pub(super) fn f64s(&mut self, length: usize) -> Result<Vec<f64>, SpaceError> {
+        self.length(length)?;
+        (0..length).map(|_| self.f64()).collect()
+    }
+
+    pub(super) fn f32s(&mut self, length: usize) -> Result<Vec<f32>, SpaceError> {
+        self.length(length)?;
+        let number = |bytes: &[u8]| bytes.try_into().map_or(f32::NAN, f32::from_le_bytes);
+        let values: Vec<f32> = self.items(length, 4)?.map(number).collect();
+        if values.iter().all(|value| value.is_finite()) {
+            Ok(values)
+        } else {
+            Err(self.damaged("a number in it is not finite"))
+        }
+    }
+
+    pub(super) fn packed(&mut self, length: usize) -> Result<Vec<i128>, SpaceError> {
+        self.length(length)?;
+        let width = usize::from(self.u8()?);
+        if !(1..=16).contains(&width) {
+            return Err(self.damaged("an integer in it has an impossible width"));
+        }
+        let unpack = |bytes: &[u8]| {
+            // Into the upper end, so that shifting down brings the sign along.
+            let mut wide = [0; 16];
+            wide[16 - width..].copy_from_slice(bytes);
+            i128::from_le_bytes(wide) >> (128 - 8 * width)
+        };
+        Ok(self.items(length, width)?.map(unpack).collect())
+    }
+
+    /// Nothing may be left.
+    pub(super) fn finish(self) -> Result<(), SpaceError> {
+        if self.rest.is_empty() { Ok(()) } else { Err(self.damaged("something follows its end")) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const HEADER: Header = Header { what: "test", magic: *b"test", version: 3 };
+
+    proptest! {
+        #[test]
+        fn packed_integers_come_back(values in proptest::collection::vec(any::<i128>(), 0..20), shift in 0..128_u32) {
+            let values: Vec<i128> = values.iter().map(|value| value >> shift).collect();
+            let mut writer = Writer::new(HEADER);
+            writer.packed(&values);
+            let bytes = writer.finish();
+            let mut reader = Reader::new(HEADER, &bytes).unwrap();
+            prop_assert_eq!(reader.packed(values.len()).unwrap(), values);
+            prop_assert!(reader.finish().is_ok());
+        }
+    }
+
+    #[test]
+    fn the_bytes_are_frozen() {
+        let mut writer = Writer::new(HEADER);
+        writer.u8(7);
+        writer.packed(&[-1, 127, -129]);
+        writer.f64s(&[1.5]);
+        let bytes = writer.finish();
+        let expected = [
+            b"test\x03\x00\x07".as_slice(),
+            &[3, 0, 0, 0, 2, 0xff, 0xff, 0x7f, 0, 0x7f, 0xff],
+            &[1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xf8, 0x3f],
+        ]
+        .concat();
+        assert_eq!(bytes[..bytes.len() - 8], expected);
+    }
+
+    #[test]
+    fn damage_of_any_kind_is_told() {
+        let mut writer = Writer::new(HEADER);
+        writer.f64s(&[f64::NAN]);
+        let bytes = writer.finish();
+        for length in 0..bytes.len() {
+            assert!(Reader::new(HEADER, &bytes[..length]).is_err());
+        }
+        for at in 0..bytes.len() {
+            let mut flipped = bytes.clone();
+            flipped[at] ^= 4;
+            assert!(Reader::new(HEADER, &flipped).is_err());
+        }
+        assert!(Reader::new(HEADER, &bytes).unwrap().f64s(1).is_err());
+        assert!(Reader::new(HEADER, &bytes).unwrap().f64s(2).is_err());
+        assert!(Reader::new(HEADER, &bytes).unwrap().finish().is_err());
+        let newer = Header { version: 4, ..HEADER };
+        assert!(matches!(Reader::new(newer, &bytes), Err(SpaceError::Version { found: 3, supported: 4, .. })));
+    }
+}

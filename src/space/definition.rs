@@ -1,0 +1,213 @@
+//! Definitions: what a space is to be, before it is fitted.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Form, Recipe, SpaceError};
+use crate::hlac::View;
+
+/// The most coordinates that a likeness space can have: as many directions as its fit keeps.
+pub const MAX_DIMS: usize = 128;
+
+/// How far apart two points are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Metric {
+    /// The sum of the absolute differences.
+    L1,
+    /// The root of the sum of the squared differences.
+    L2,
+}
+
+impl Metric {
+    /// `L1` or `L2`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::L1 => "L1",
+            Self::L2 => "L2",
+        }
+    }
+}
+
+impl fmt::Display for Metric {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// What a space makes of features.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+pub enum Kind {
+    /// The paper's histogram: sums per window, `moment * 255^cells`; L1. Of degree roots or pools: themselves.
+    Histogram,
+    /// The same histogram divided by twice its total; L1. The distance is then `1 - sum of min(a, b)` of the two
+    /// histograms of total 1: histogram intersection.
+    Intersection,
+    /// `(x - mean) / sd` by the store's own statistics, 0 where nothing varies; L2.
+    ZScore,
+    /// The whitened directions that vary much between textures and little within one, unit length; L2.
+    Likeness {
+        /// The weight of the nuisance scatter beside that of the octants; 0 knows no nuisance, 1 is as strong.
+        nuisance: f64,
+        /// How many coordinates, 1 to [`MAX_DIMS`].
+        dims: usize,
+    },
+}
+
+/// What a space is to be: a name, the features and what is made of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Definition {
+    /// 1 to 64 letters, digits, `-` or `_`.
+    pub name: String,
+    /// The features.
+    pub recipe: Recipe,
+    /// What is made of them.
+    #[serde(flatten)]
+    pub kind: Kind,
+}
+
+impl Definition {
+    /// The names of the spaces that every store has.
+    pub const BUILT_IN: [&'static str; 5] = ["paper", "zscore", "oriented", "default", "invariant"];
+
+    /// The definition of a built-in space.
+    ///
+    /// ```
+    /// use hlacdb::space::Definition;
+    /// let default = Definition::built_in("default").ok_or("no such space")?;
+    /// assert_eq!((default.recipe.dims(), default.dims()), (245, 32));
+    /// # Ok::<(), &str>(())
+    /// ```
+    pub fn built_in(name: &str) -> Option<Self> {
+        const DIMS: usize = 32;
+        let (recipe, kind) = match name {
+            "paper" => (Recipe::plain(), Kind::Histogram),
+            "zscore" => (Recipe::plain(), Kind::ZScore),
+            "oriented" => (Recipe::oriented(), Kind::Likeness { nuisance: 0.0, dims: DIMS }),
+            "default" => (Recipe::pooled(), Kind::Likeness { nuisance: 0.2, dims: DIMS }),
+            "invariant" => (Recipe::pooled(), Kind::Likeness { nuisance: 1.0, dims: DIMS }),
+            _ => return None,
+        };
+        Some(Self { name: name.to_owned(), recipe, kind })
+    }
+
+    /// A likeness space of one's own.
+    ///
+    /// # Errors
+    /// [`SpaceError::Name`], [`SpaceError::NoViews`], [`SpaceError::Weight`], [`SpaceError::Dims`].
+    pub fn likeness(name: &str, views: &[View], pooled: bool, nuisance: f64, dims: usize) -> Result<Self, SpaceError> {
+        let recipe = Recipe::new(if pooled { Form::Pooled } else { Form::Roots }, views)?;
+        let definition = Self { name: name.to_owned(), recipe, kind: Kind::Likeness { nuisance, dims } };
+        definition.check()?;
+        Ok(definition)
+    }
+
+    /// Whether the definition, however it came about, is one that can be fitted.
+    ///
+    /// # Errors
+    /// [`SpaceError::Name`], [`SpaceError::Weight`], [`SpaceError::Dims`].
+    pub fn check(&self) -> Result<(), SpaceError> {
+        let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(allowed) {
+            return Err(SpaceError::Name { found: self.name.clone() });
+        }
+        if let Kind::Likeness { nuisance, dims } = self.kind {
+            if !nuisance.is_finite() || nuisance < 0.0 {
+                return Err(SpaceError::Weight { found: nuisance });
+            }
+            if !(1..=MAX_DIMS).contains(&dims) {
+                return Err(SpaceError::Dims { found: dims, limit: MAX_DIMS });
+            }
+        }
+        Ok(())
+    }
+
+    /// The same on those of its views that are among `views`: what a store can answer that keeps only these. `None`
+    /// where it has none of them.
+    pub fn restricted_to(&self, views: &[View]) -> Option<Self> {
+        let kept: Vec<View> = self.recipe.views().iter().copied().filter(|view| views.contains(view)).collect();
+        let recipe = Recipe::new(self.recipe.form(), &kept).ok()?;
+        Some(Self { name: self.name.clone(), recipe, kind: self.kind })
+    }
+
+    /// The distance.
+    pub fn metric(&self) -> Metric {
+        match self.kind {
+            Kind::Histogram | Kind::Intersection => Metric::L1,
+            Kind::ZScore | Kind::Likeness { .. } => Metric::L2,
+        }
+    }
+
+    /// How many coordinates a point has.
+    pub fn dims(&self) -> usize {
+        match self.kind {
+            Kind::Likeness { dims, .. } => dims,
+            _ => self.recipe.dims(),
+        }
+    }
+
+    /// Whether fitting looks at statistics. `paper` has nothing to fit.
+    pub fn is_fitted(&self) -> bool {
+        matches!(self.kind, Kind::ZScore | Kind::Likeness { .. })
+    }
+
+    /// The formula of the points and the distance, in one paragraph.
+    pub fn formula(&self) -> String {
+        let features = match self.recipe.form() {
+            Form::Moments => "x = moments",
+            Form::Roots => "x = degree roots of the moments",
+            Form::Pooled => "x = mean and deviation, over each of the 18 orbits, of the degree roots of the moments",
+        };
+        let views: Vec<&str> = self.recipe.views().iter().map(|view| view.name()).collect();
+        let point = match self.kind {
+            Kind::Histogram => "point = x * 255^cells, the sums per window".to_owned(),
+            Kind::Intersection => "h = x * 255^cells; point = h / (2 sum h), so that L1 is 1 - sum of min".to_owned(),
+            Kind::ZScore => "point = (x - mean) / sd".to_owned(),
+            Kind::Likeness { nuisance, dims } => format!(
+                "z = (x - mean) / sd; V = eigenvectors of the scatter T of z / sqrt(eigenvalue); V' (O + {nuisance} N) V \
+                 = Q L Q' with octant scatter O and nuisance scatter N; point = z V Q / sqrt(L + 0.02), the {dims} \
+                 coordinates of least L, scaled to unit length"
+            ),
+        };
+        format!("{features} of {}; {point}; distance {}", views.join(", "), self.metric())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_in_definitions_are_good_and_survive_json() {
+        for name in Definition::BUILT_IN {
+            let definition = Definition::built_in(name).unwrap();
+            definition.check().unwrap();
+            let text = serde_json::to_string(&definition).unwrap();
+            assert_eq!(serde_json::from_str::<Definition>(&text).unwrap(), definition, "{text}");
+        }
+        assert!(Definition::built_in("nothing").is_none());
+    }
+
+    #[test]
+    fn what_cannot_be_fitted_is_refused() {
+        let define = |name: &str, nuisance, dims| Definition::likeness(name, &View::LIKENESS, true, nuisance, dims);
+        assert!(define("mine_2", 0.5, 16).is_ok());
+        assert!(matches!(define("", 0.5, 16), Err(SpaceError::Name { .. })));
+        assert!(matches!(define("a b", 0.5, 16), Err(SpaceError::Name { .. })));
+        assert!(matches!(define("a", f64::NAN, 16), Err(SpaceError::Weight { .. })));
+        assert!(matches!(define("a", -1.0, 16), Err(SpaceError::Weight { .. })));
+        assert!(matches!(define("a", 0.5, 0), Err(SpaceError::Dims { .. })));
+        assert!(matches!(define("a", 0.5, 129), Err(SpaceError::Dims { .. })));
+        assert_eq!(Definition::likeness("a", &[], true, 0.5, 1), Err(SpaceError::NoViews));
+    }
+
+    #[test]
+    fn a_store_with_fewer_views_gets_the_rest_of_the_recipe() {
+        let default = Definition::built_in("default").unwrap();
+        let rest = default.restricted_to(&[View::Full, View::Detail]).unwrap();
+        assert_eq!((rest.recipe.key().as_str(), rest.dims()), ("pooled:detail@1", 32));
+        assert!(default.restricted_to(&[View::Full]).is_none());
+        assert_eq!(default.restricted_to(&View::DEFAULT_STORED).unwrap(), default);
+    }
+}

@@ -1,0 +1,163 @@
+//! The fit: from statistics to the directions that vary much between textures and little within one.
+
+use super::definition::MAX_DIMS;
+use super::linear::{Eigen, Matrix, axpy};
+use super::{Nuisance, Statistics};
+
+/// A feature whose standard deviation is not above this is constant: what is left is its quantisation.
+const CONSTANT: f64 = 1e-9;
+
+/// Eigenvalues of `T` below this part of the largest are noise.
+const LEAST_EIGENVALUE: f64 = 1e-10;
+
+/// What is added to the variance within a texture before dividing by it.
+const RIDGE: f64 = 0.02;
+
+/// What a fit is made from: a mean and three covariances of the same features.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Model {
+    pub(super) mean: Vec<f64>,
+    /// `T`: between textures.
+    pub(super) between: Matrix,
+    /// `O`: of octants within a texture.
+    pub(super) within: Matrix,
+    /// `N`: between a texture and its copies under nuisances.
+    pub(super) nuisance: Matrix,
+}
+
+impl Model {
+    /// A store's own statistics and a prior that counts as `weight` textures. A nuisance scatter of the store's own
+    /// takes the place of the prior's.
+    pub(super) fn combine(own: &Statistics, nuisance: Option<&Nuisance>, prior: Option<(f64, &Model)>) -> Self {
+        let dims = own.recipe().dims();
+        let (count, octants) = (own.count() as f64, own.octant_count() as f64);
+        let (mut mean, mut between) = (own.mean(), own.between());
+        let mut within = own.within().unwrap_or(Matrix::zero(dims, dims));
+        let mut of_nuisance = Matrix::zero(dims, dims);
+        if let Some((weight, prior)) = prior.filter(|(weight, _)| *weight > 0.0) {
+            let share = count / (count + weight);
+            let apart: Vec<f64> = mean.iter().zip(&prior.mean).map(|(own, prior)| own - prior).collect();
+            // The mixture's covariance: both parts, and how far their means are apart.
+            between = Matrix::from_fn(dims, dims, |i, j| {
+                let parts = share * between[(i, j)] + (1.0 - share) * prior.between[(i, j)];
+                parts + share * (1.0 - share) * (apart[i] * apart[j])
+            });
+            mean = apart.iter().zip(&prior.mean).map(|(apart, prior)| prior + share * apart).collect();
+            let share = octants / (octants + weight);
+            within = Matrix::from_fn(dims, dims, |i, j| share * within[(i, j)] + (1.0 - share) * prior.within[(i, j)]);
+            of_nuisance = prior.nuisance.clone();
+        }
+        if let Some(own) = nuisance.filter(|own| own.count() > 0) {
+            of_nuisance = own.covariance();
+        }
+        Self { mean, between, within, nuisance: of_nuisance }
+    }
+}
+
+impl Model {
+    /// The part for some of the features.
+    pub(super) fn select(&self, features: &[usize]) -> Self {
+        let part = |matrix: &Matrix| {
+            Matrix::from_fn(features.len(), features.len(), |i, j| matrix[(features[i], features[j])])
+        };
+        Self {
+            mean: features.iter().map(|&feature| self.mean[feature]).collect(),
+            between: part(&self.between),
+            within: part(&self.within),
+            nuisance: part(&self.nuisance),
+        }
+    }
+}
+
+/// A fitted map: `(x - mean) weights`, before the scaling to unit length.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Projection {
+    pub(super) mean: Vec<f64>,
+    /// One row a feature, one column a coordinate.
+    pub(super) weights: Matrix,
+    /// The correlation of each feature (row) with each coordinate (column) over the textures; 0 for constant ones.
+    pub(super) correlations: Matrix,
+    /// The standard deviation of each feature over the textures; 0 for constant ones.
+    pub(super) deviations: Vec<f64>,
+    /// The variance of each coordinate over the textures, falling. Coordinates that the statistics have no direction
+    /// for are last, and always 0.
+    pub(super) variances: Vec<f64>,
+}
+
+impl Projection {
+    pub(super) fn fit(model: Model, nuisance_weight: f64, dims: usize) -> Self {
+        let features = model.mean.len();
+        let scale: Vec<f64> = (0..features).map(|at| inverse_deviation(model.between[(at, at)])).collect();
+        let scaled = |matrix: &Matrix| Matrix::from_fn(features, features, |i, j| matrix[(i, j)] * scale[i] * scale[j]);
+        let between = scaled(&model.between);
+        let mut within = scaled(&model.within);
+        if nuisance_weight > 0.0 {
+            let nuisance = scaled(&model.nuisance);
+            within = Matrix::from_fn(features, features, |i, j| within[(i, j)] + nuisance_weight * nuisance[(i, j)]);
+        }
+        // Rows: whitened directions, in which the scatter between textures is the identity.
+        let white = whitening(Eigen::of(between.clone()));
+        let inner = white.times(&within).times(&white.transposed());
+        let size = white.rows();
+        let symmetric = Matrix::from_fn(size, size, |i, j| 0.5 * (inner[(i, j)] + inner[(j, i)]));
+        let Eigen { values, vectors } = Eigen::of(symmetric);
+        let found = dims.min(size);
+        // A scatter is never negative; its arithmetic may be, by a rounding.
+        let mut variances: Vec<f64> = values[..found].iter().map(|value| 1.0 / (value.max(0.0) + RIDGE)).collect();
+        let directions = Matrix::from_fn(found, size, |i, j| vectors[(i, j)] * variances[i].sqrt());
+        let directions = directions.times(&white);
+        let structure = directions.times(&between);
+        let signs: Vec<f64> = (0..found).map(|at| sign(directions.row(at))).collect();
+        let mut weights = Matrix::zero(features, dims);
+        let mut correlations = Matrix::zero(features, dims);
+        for at in 0..found {
+            let unit = signs[at] / variances[at].sqrt();
+            for feature in 0..features {
+                weights[(feature, at)] = signs[at] * directions[(at, feature)] * scale[feature];
+                correlations[(feature, at)] = structure[(at, feature)] * unit;
+            }
+        }
+        variances.resize(dims, 0.0);
+        let deviations = scale.iter().map(|&scale| if scale > 0.0 { 1.0 / scale } else { 0.0 }).collect();
+        Self { mean: model.mean, weights, correlations, deviations, variances }
+    }
+
+    /// The coordinates of `x`, not scaled to unit length. Features that are not there count as average.
+    pub(super) fn project(&self, x: impl Iterator<Item = Option<f64>>) -> Vec<f64> {
+        self.apply(x.zip(&self.mean).map(|(x, mean)| x.map(|x| x - mean)))
+    }
+
+    /// What becomes of a difference of features.
+    pub(super) fn apply(&self, difference: impl Iterator<Item = Option<f64>>) -> Vec<f64> {
+        let mut point = vec![0.0; self.weights.columns()];
+        for (feature, difference) in difference.enumerate() {
+            if let Some(difference) = difference {
+                axpy(&mut point, difference, self.weights.row(feature));
+            }
+        }
+        point
+    }
+}
+
+/// One over a standard deviation, 0 for that of a constant.
+pub(super) fn inverse_deviation(variance: f64) -> f64 {
+    let deviation = variance.max(0.0).sqrt();
+    if deviation > CONSTANT { 1.0 / deviation } else { 0.0 }
+}
+
+/// Eigenvectors by the root of their eigenvalue, as rows, by falling eigenvalue: at most [`MAX_DIMS`], none of noise.
+fn whitening(eigen: Eigen) -> Matrix {
+    let largest = eigen.values.last().copied().unwrap_or(0.0);
+    let good = |value: &f64| *value > LEAST_EIGENVALUE * largest && *value > 0.0;
+    let kept = eigen.values.iter().rev().take(MAX_DIMS).take_while(|value| good(value)).count();
+    let last = eigen.values.len();
+    let row = |at: usize| last - 1 - at;
+    Matrix::from_fn(kept, last, |i, j| eigen.vectors[(row(i), j)] / eigen.values[row(i)].sqrt())
+}
+
+/// The sign that makes the largest weight positive: eigenvectors come with either.
+fn sign(direction: &[f64]) -> f64 {
+    let largest =
+        direction.iter().fold(0.0_f64, |largest, &weight| if weight.abs() > largest.abs() { weight } else { largest });
+    if largest < 0.0 { -1.0 } else { 1.0 }
+}

@@ -1,0 +1,42 @@
+//! Small textures for tests.
+
+use super::{Contribution, Features, Recipe, Statistics};
+use crate::hlac::{self, OctantSums, View};
+use crate::volume::Volume;
+
+/// A texture of 16^3 voxels: waves along a direction, and noise, both by the seed.
+pub(super) fn volume(seed: u64) -> Volume {
+    let mut state = (seed + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    let mut next = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 40) as f64 / (1 << 24) as f64
+    };
+    let wave = [next() * 1.2, next() * 1.2, next() * 1.2];
+    let (strength, noise, level) = (next() * 80.0, next() * 60.0, 60.0 + next() * 120.0);
+    let voxel = |z: usize, y: usize, x: usize| {
+        let phase = wave[0] * z as f64 + wave[1] * y as f64 + wave[2] * x as f64;
+        (level + strength * phase.sin() + noise * (next() - 0.5)) as u8
+    };
+    Volume::from_fn([16, 16, 16], voxel).unwrap()
+}
+
+pub(super) fn described(seed: u64) -> Vec<(View, OctantSums)> {
+    hlac::describe(&volume(seed), &View::DEFAULT_STORED)
+}
+
+pub(super) fn features(recipe: &Recipe, described: &[(View, OctantSums)]) -> Features {
+    let descriptors: Vec<_> = described.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect();
+    recipe.features(|view| descriptors.iter().find(|(other, _)| *other == view).map(|(_, moments)| moments)).unwrap()
+}
+
+pub(super) fn contribution(recipe: &Recipe, described: &[(View, OctantSums)]) -> Contribution {
+    Contribution::of_sums(recipe, described).unwrap().unwrap()
+}
+
+pub(super) fn statistics(recipe: &Recipe, textures: &[Vec<(View, OctantSums)>]) -> Statistics {
+    let mut statistics = Statistics::new(recipe);
+    textures.iter().for_each(|texture| statistics.add(&contribution(recipe, texture)).unwrap());
+    statistics
+}

@@ -1,0 +1,372 @@
+//! Recipes: which numbers of a texture are looked at.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::SpaceError;
+use super::roots::degree_roots;
+use crate::hlac::orbits::{self, ORBIT_COUNT};
+use crate::hlac::{MASK_COUNT, MASKS, View};
+
+/// How many numbers a view gives when pooled: a mean for each orbit, a deviation for each of more than one mask.
+const POOLED: usize = 2 * ORBIT_COUNT - 1;
+
+/// What is made of a view's moments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Form {
+    /// The 251 moments as they are, in the order of the masks.
+    Moments,
+    /// The 251 degree roots: the k-th root of a moment of k cells, in the order of the masks.
+    Roots,
+    /// Free of orientation: for each of the 18 orbits the mean of its degree roots, then for each of the 17 orbits of
+    /// more than one mask their standard deviation (over the orbit's masks, divided by their number): 35 numbers.
+    Pooled,
+}
+
+impl Form {
+    /// How many features a view gives.
+    pub const fn per_view(self) -> usize {
+        match self {
+            Self::Moments | Self::Roots => MASK_COUNT,
+            Self::Pooled => POOLED,
+        }
+    }
+
+    /// The name in a recipe's key: `moments`, `roots` or `pooled`. Frozen.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Moments => "moments",
+            Self::Roots => "roots",
+            Self::Pooled => "pooled",
+        }
+    }
+
+    pub(super) const fn code(self) -> u8 {
+        match self {
+            Self::Moments => 0,
+            Self::Roots => 1,
+            Self::Pooled => 2,
+        }
+    }
+
+    pub(super) const fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::Moments),
+            1 => Some(Self::Roots),
+            2 => Some(Self::Pooled),
+            _ => None,
+        }
+    }
+}
+
+/// Which features are taken: a form of some views. Views are ordered by code and occur once.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "Parts")]
+pub struct Recipe {
+    form: Form,
+    views: Vec<View>,
+}
+
+/// A recipe as it is written down, before its views are ordered.
+#[derive(Deserialize)]
+struct Parts {
+    form: Form,
+    views: Vec<View>,
+}
+
+impl TryFrom<Parts> for Recipe {
+    type Error = SpaceError;
+
+    fn try_from(parts: Parts) -> Result<Self, SpaceError> {
+        Self::new(parts.form, &parts.views)
+    }
+}
+
+impl Recipe {
+    /// A form of the views given, in any order.
+    ///
+    /// # Errors
+    /// [`SpaceError::NoViews`].
+    pub fn new(form: Form, views: &[View]) -> Result<Self, SpaceError> {
+        let mut views = views.to_vec();
+        views.sort_unstable();
+        views.dedup();
+        if views.is_empty() { Err(SpaceError::NoViews) } else { Ok(Self { form, views }) }
+    }
+
+    /// The 251 moments of `full@1`: what `paper`, `zscore` and a store's statistics look at.
+    pub fn plain() -> Self {
+        Self { form: Form::Moments, views: vec![View::Full] }
+    }
+
+    /// The 251 degree roots of `stretch@1`: what `oriented` looks at.
+    pub fn oriented() -> Self {
+        Self { form: Form::Roots, views: vec![View::LIKENESS[0]] }
+    }
+
+    /// The 245 pooled features of the seven views of likeness: what `default` and `invariant` look at.
+    pub fn pooled() -> Self {
+        Self { form: Form::Pooled, views: View::LIKENESS.to_vec() }
+    }
+
+    /// The form.
+    pub fn form(&self) -> Form {
+        self.form
+    }
+
+    /// The views, by code.
+    pub fn views(&self) -> &[View] {
+        &self.views
+    }
+
+    /// The name under which a store keeps what belongs to the recipe, e.g. `roots:stretch@1`. Frozen.
+    pub fn key(&self) -> String {
+        let views: Vec<&str> = self.views.iter().map(|view| view.name()).collect();
+        format!("{}:{}", self.form.name(), views.join(","))
+    }
+
+    /// How many features there are.
+    pub fn dims(&self) -> usize {
+        self.views.len() * self.form.per_view()
+    }
+
+    /// What the feature at `index` is; `None` from [`Recipe::dims`] on.
+    pub fn feature(&self, index: usize) -> Option<Feature> {
+        let view = *self.views.get(index / self.form.per_view())?;
+        let at = index % self.form.per_view();
+        let part = match self.form {
+            Form::Moments | Form::Roots => Part::Mask(at as u8),
+            Form::Pooled if at < ORBIT_COUNT => Part::Mean(at as u8),
+            // The first orbit has a single mask and no deviation.
+            Form::Pooled => Part::Deviation((at - ORBIT_COUNT + 1) as u8),
+        };
+        Some(Feature { view, part })
+    }
+
+    /// The features of one texture. `moments` gives the moments of a view, or `None` where the texture does not have
+    /// it; the features of such views are missing, and a space puts them at its mean.
+    ///
+    /// # Errors
+    /// [`SpaceError::NotAMoment`].
+    pub fn features<'a>(
+        &self,
+        moments: impl Fn(View) -> Option<&'a [f32; MASK_COUNT]>,
+    ) -> Result<Features, SpaceError> {
+        let mut values = vec![0.0; self.dims()];
+        let mut missing = Vec::new();
+        for (&view, out) in self.views.iter().zip(values.chunks_exact_mut(self.form.per_view())) {
+            match moments(view) {
+                Some(moments) => {
+                    check(view, moments)?;
+                    self.fill(moments, out);
+                }
+                None => missing.push(view),
+            }
+        }
+        Ok(Features { values, missing })
+    }
+
+    /// The features that one view gives.
+    fn fill(&self, moments: &[f32; MASK_COUNT], out: &mut [f64]) {
+        match self.form {
+            Form::Moments => out.iter_mut().zip(moments).for_each(|(out, &moment)| *out = f64::from(moment)),
+            Form::Roots => out.copy_from_slice(&degree_roots(moments)),
+            Form::Pooled => {
+                let layout = orbits::layout();
+                // Orbits are numbered by order first: sorted by orbit, masks stay sorted by their number of cells.
+                let roots = degree_roots(&layout.by_orbit.map(|mask| moments[usize::from(mask)]));
+                let (means, deviations) = out.split_at_mut(ORBIT_COUNT);
+                for (orbit, range) in layout.ranges.iter().enumerate() {
+                    let roots = &roots[range.clone()];
+                    let count = roots.len() as f64;
+                    let mean = sum(roots, |root| root) / count;
+                    means[orbit] = mean;
+                    if orbit > 0 {
+                        let square = |root: f64| (root - mean) * (root - mean);
+                        deviations[orbit - 1] = (sum(roots, square) / count).sqrt();
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl fmt::Display for Recipe {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&self.key())
+    }
+}
+
+/// Refuses what is no moment.
+fn check(view: View, moments: &[f32; MASK_COUNT]) -> Result<(), SpaceError> {
+    // One sweep without branches; the search for the culprit only where there is one.
+    let good = |value: f32| (0.0..=1.0).contains(&value);
+    if moments.iter().fold(true, |all, &value| all & good(value)) {
+        return Ok(());
+    }
+    let at = moments.iter().position(|&value| !good(value)).unwrap_or(0);
+    Err(SpaceError::NotAMoment { view, mask: MASKS[at].letters(), value: moments[at] })
+}
+
+/// The sum of `f` over `values` in four interleaved lanes: a fixed order that does not wait for each addition.
+fn sum(values: &[f64], f: impl Fn(f64) -> f64) -> f64 {
+    let (fours, rest) = values.as_chunks::<4>();
+    let mut lanes = [0.0; 4];
+    for four in fours {
+        for (lane, &value) in lanes.iter_mut().zip(four) {
+            *lane += f(value);
+        }
+    }
+    for (lane, &value) in lanes.iter_mut().zip(rest) {
+        *lane += f(value);
+    }
+    (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
+}
+
+/// The features of one texture under one recipe.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Features {
+    values: Vec<f64>,
+    missing: Vec<View>,
+}
+
+impl Features {
+    /// One number for each feature, all in [0, 1]; 0 for those of missing views.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// The recipe's views that the texture does not have (it is too small for their scale), by code.
+    pub fn missing(&self) -> &[View] {
+        &self.missing
+    }
+
+    /// Whether every view is there. Only such textures enter statistics.
+    pub fn is_complete(&self) -> bool {
+        self.missing.is_empty()
+    }
+}
+
+/// What one feature is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Feature {
+    /// The view.
+    pub view: View,
+    /// What of the view.
+    pub part: Part,
+}
+
+/// What of a view a feature is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Part {
+    /// One mask, by its index in [`MASKS`].
+    Mask(u8),
+    /// The mean over an orbit.
+    Mean(u8),
+    /// The standard deviation over an orbit: the strength of anisotropy.
+    Deviation(u8),
+}
+
+impl Part {
+    /// The mask itself, or the first of its orbit.
+    pub fn mask(self) -> u8 {
+        match self {
+            Self::Mask(mask) => mask,
+            Self::Mean(orbit) | Self::Deviation(orbit) => {
+                orbits::members(usize::from(orbit)).first().copied().unwrap_or(0)
+            }
+        }
+    }
+
+    /// The orbit.
+    pub fn orbit(self) -> u8 {
+        match self {
+            Self::Mask(mask) => orbits::ORBIT_OF.get(usize::from(mask)).copied().unwrap_or(0),
+            Self::Mean(orbit) | Self::Deviation(orbit) => orbit,
+        }
+    }
+}
+
+impl fmt::Display for Feature {
+    /// E.g. `stretch@1 akl`, `sign@2 mean of akl...` (the orbit of mask akl).
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let letters = MASKS.get(usize::from(self.part.mask())).map(|mask| mask.letters()).unwrap_or_default();
+        match self.part {
+            Part::Mask(_) => write!(f, "{} {letters}", self.view),
+            Part::Mean(_) => write!(f, "{} mean of {letters}...", self.view),
+            Part::Deviation(_) => write!(f, "{} deviation of {letters}...", self.view),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hlac::orbits::symmetries;
+    use proptest::prelude::*;
+
+    fn moments() -> impl Strategy<Value = [f32; MASK_COUNT]> {
+        proptest::collection::vec(0.0..=1.0_f32, MASK_COUNT).prop_map(|m| m.try_into().unwrap())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 32, ..ProptestConfig::default() })]
+
+        #[test]
+        fn pooling_is_mean_and_deviation_of_the_roots_and_knows_no_direction(moments in moments(), turn in 0..48_usize) {
+            let recipe = Recipe::new(Form::Pooled, &[View::Full]).unwrap();
+            let pooled = recipe.features(|_| Some(&moments)).unwrap();
+            for orbit in 0..ORBIT_COUNT {
+                let root = |&m: &u8| f64::from(moments[usize::from(m)]).powf(1.0 / MASKS[usize::from(m)].order() as f64);
+                let roots: Vec<f64> = orbits::members(orbit).iter().map(root).collect();
+                let mean = roots.iter().sum::<f64>() / roots.len() as f64;
+                let deviation = (roots.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / roots.len() as f64).sqrt();
+                prop_assert!((pooled.values()[orbit] - mean).abs() < 1e-12);
+                if orbit > 0 {
+                    prop_assert!((pooled.values()[17 + orbit] - deviation).abs() < 1e-12);
+                }
+            }
+            let symmetry = symmetries()[turn];
+            let turned: [f32; MASK_COUNT] = std::array::from_fn(|m| moments[usize::from(symmetry[m])]);
+            let turned = recipe.features(|_| Some(&turned)).unwrap();
+            prop_assert!(turned.values().iter().zip(pooled.values()).all(|(a, b)| (a - b).abs() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn views_are_ordered_and_named() {
+        let views = [View::Detail, View::Full, View::Detail];
+        let recipe = Recipe::new(Form::Roots, &views).unwrap();
+        assert_eq!((recipe.key().as_str(), recipe.dims()), ("roots:full@1,detail@1", 502));
+        let text = serde_json::to_string(&recipe).unwrap();
+        assert_eq!(serde_json::from_str::<Recipe>(&text).unwrap(), recipe);
+        assert!(serde_json::from_str::<Recipe>(r#"{"form":"roots","views":[]}"#).is_err());
+        assert_eq!(Recipe::new(Form::Roots, &[]), Err(SpaceError::NoViews));
+        assert_eq!(Recipe::pooled().dims(), 245);
+    }
+
+    #[test]
+    fn features_say_what_they_are() {
+        let recipe = Recipe::pooled();
+        assert_eq!(recipe.feature(35 + 2).unwrap().to_string(), "stretch@2 mean of ak...");
+        assert_eq!(recipe.feature(18).unwrap().part, Part::Deviation(1));
+        assert_eq!(recipe.feature(244).unwrap().part, Part::Deviation(17));
+        assert_eq!(recipe.feature(245), None);
+        assert_eq!(Recipe::plain().feature(250).unwrap().to_string(), "full@1 ins");
+    }
+
+    #[test]
+    fn missing_views_are_told_and_wrong_moments_refused() {
+        let good = [0.5; MASK_COUNT];
+        let features = Recipe::pooled().features(|view| (view != View::LIKENESS[2]).then_some(&good)).unwrap();
+        assert_eq!(features.missing(), [View::LIKENESS[2]]);
+        for value in [f32::NAN, f32::INFINITY, -0.1, 1.1] {
+            let mut bad = good;
+            bad[3] = value;
+            let error = Recipe::plain().features(|_| Some(&bad)).unwrap_err();
+            assert!(matches!(error, SpaceError::NotAMoment { ref mask, .. } if mask == "am"), "{error}");
+        }
+    }
+}
