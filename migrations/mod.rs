@@ -1,1 +1,144 @@
-//! placeholder
+//! Migrations: older stores made current, one hop per format version.
+//!
+//! Vocabulary: the *stamp* is the 32-byte header entry of a store, laid out alike in every version; a *hop* takes a store
+//! from one version to the next and rewrites data and stamp in one transaction, so that an interrupted migration is
+//! simply run again. The chain of hops is chosen here, never by the caller.
+//!
+//! This room knows redb and its own old types only: a hop writes the layout of the version it leads to with code of its
+//! own, which never changes again, whatever the store's code becomes. Hops refuse odd data; they repair nothing.
+
+mod error;
+mod stamp;
+mod v0_to_v1;
+
+pub use error::MigrationError;
+
+use std::fs::{self, File, OpenOptions};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use redb::backends::FileBackend;
+use redb::{Builder, ConcurrencyMode, Database, ReadableDatabase, WriteTransaction};
+
+use stamp::Stamp;
+
+/// The version that the last hop leads to: what the store's code reads and writes.
+pub const CURRENT_VERSION: u32 = HOPS.len() as u32;
+
+/// One hop. The n-th leads from version n to n + 1.
+struct Hop {
+    what: &'static str,
+    run: fn(&WriteTransaction) -> Result<(), MigrationError>,
+}
+
+const HOPS: &[Hop] = &[Hop { what: "items become framed records, rows and descriptor blocks", run: v0_to_v1::run }];
+
+/// What [`migrate`] may do.
+#[derive(Clone, Debug, Default)]
+pub struct MigrateOptions {
+    /// Only tell which hops would be run; write nothing.
+    pub check_only: bool,
+    /// Copy the store to this path first, which must not exist.
+    pub backup: Option<PathBuf>,
+}
+
+/// What [`migrate`] did, or with `check_only` would do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MigrationReport {
+    /// The version that the store had.
+    pub from: u32,
+    /// The version that it has now.
+    pub to: u32,
+    /// What each hop does, in order; empty where the store was current.
+    pub hops: Vec<&'static str>,
+    /// The backup that was written.
+    pub backup: Option<PathBuf>,
+}
+
+/// Makes the store at `path` current. A store that is current already is left alone.
+///
+/// # Errors
+/// [`MigrationError`]; where a hop fails, the store is as it was before that hop.
+pub fn migrate(path: &Path, options: &MigrateOptions) -> Result<MigrationReport, MigrationError> {
+    let from = version(path, options.check_only)?;
+    let hops = HOPS.get(from as usize..).unwrap_or_default();
+    let mut report =
+        MigrationReport { from, to: CURRENT_VERSION, hops: hops.iter().map(|hop| hop.what).collect(), backup: None };
+    if options.check_only || hops.is_empty() {
+        return Ok(report);
+    }
+    let database = open(path)?;
+    if let Some(backup) = &options.backup {
+        back_up(path, backup)?;
+        report.backup = Some(backup.clone());
+    }
+    for (number, hop) in (from..).zip(hops) {
+        let mut transaction = database.begin_write().map_err(MigrationError::engine)?;
+        transaction.set_quick_repair(true);
+        // The writer's lock is held since `open`; all the same the stamp is read where it is replaced.
+        let stamp = stamp::read(&transaction)?;
+        if stamp.version != number {
+            return Err(MigrationError::odd("meta", "format", format!("version {}, expected {number}", stamp.version)));
+        }
+        (hop.run)(&transaction)?;
+        stamp::write(&transaction, Stamp { version: number + 1, minimum_reader: number + 1, features: 0 })?;
+        transaction.commit().map_err(MigrationError::engine)?;
+        tracing::info!(from = number, to = number + 1, "migrated: {}", hop.what);
+    }
+    database.close().map_err(MigrationError::engine)?;
+    Ok(report)
+}
+
+/// The version of the store at `path`.
+fn version(path: &Path, check_only: bool) -> Result<u32, MigrationError> {
+    check_magic(path)?;
+    let stamp = if check_only {
+        let database = builder().open_read_only(path).map_err(|error| MigrationError::opening(path, error))?;
+        stamp::read_committed(path, &database.begin_read().map_err(MigrationError::engine)?)?
+    } else {
+        // For writing, so that a store that a crash left behind is recovered.
+        let database = open(path)?;
+        stamp::read_committed(path, &database.begin_read().map_err(MigrationError::engine)?)?
+    };
+    if stamp.version > CURRENT_VERSION {
+        return Err(MigrationError::Newer { path: path.into(), found: stamp.version, supported: CURRENT_VERSION });
+    }
+    Ok(stamp.version)
+}
+
+fn builder() -> Builder {
+    let mut builder = Builder::new();
+    builder.set_concurrency_mode(ConcurrencyMode::SingleWriter).set_cache_size(256 << 20);
+    builder
+}
+
+fn open(path: &Path) -> Result<Database, MigrationError> {
+    let io = |source| MigrationError::Io { doing: "opening", path: path.into(), source };
+    let file = OpenOptions::new().read(true).write(true).open(path).map_err(io)?;
+    FileBackend::new(file)
+        .and_then(|backend| builder().create_with_backend(backend))
+        .map_err(|error| MigrationError::opening(path, error))
+}
+
+/// Refuses what does not begin as the engine's files do: opening it for writing might initialise it.
+fn check_magic(path: &Path) -> Result<(), MigrationError> {
+    let io = |source| MigrationError::Io { doing: "opening", path: path.into(), source };
+    let mut head = Vec::new();
+    if fs::metadata(path).map_err(io)?.is_file() {
+        File::open(path).and_then(|file| file.take(9).read_to_end(&mut head)).map_err(io)?;
+    }
+    match head == *b"redb\x1A\x0A\xA9\x0D\x0A" {
+        true => Ok(()),
+        false => Err(MigrationError::NotAStore { path: path.into() }),
+    }
+}
+
+/// Copies the store while the writer's lock is held, and opens the copy once, so that it is known to be whole.
+fn back_up(path: &Path, backup: &Path) -> Result<(), MigrationError> {
+    let io = |source| MigrationError::Io { doing: "writing the backup", path: backup.into(), source };
+    let mut from = File::open(path).map_err(io)?;
+    let mut to = OpenOptions::new().write(true).create_new(true).open(backup).map_err(io)?;
+    std::io::copy(&mut from, &mut to).and_then(|_| to.sync_all()).map_err(io)?;
+    drop(to);
+    open(backup)?.close().map_err(MigrationError::engine)
+}

@@ -8,12 +8,6 @@ pub(super) struct Bits {
 }
 
 impl Bits {
-    pub(super) fn filled(length: usize, bit: bool) -> Self {
-        let mut bits = Self { length: 0, bytes: Vec::with_capacity(length.div_ceil(8)) };
-        (0..length).for_each(|_| bits.push(bit));
-        bits
-    }
-
     pub(super) fn len(&self) -> usize {
         self.length
     }

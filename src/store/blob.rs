@@ -3,7 +3,7 @@
 use redb::TableDefinition;
 
 use super::frame::{self, Kind};
-use super::tables::{Source, Tables};
+use super::tables::{AnyTable, Source, Tables};
 use super::{StoreError, keys, pieces};
 
 /// Payload bytes of a piece before its share of the blob: total length (`u64`), pieces (`u32`), 0 (`u32`).
@@ -25,18 +25,7 @@ pub(super) const SPACES: Blobs = Blobs { table: keys::SPACES, name: "spaces", ki
 impl Blobs {
     /// The names of the blobs, ascending.
     pub(super) fn names(self, tables: Tables<'_>) -> Result<Vec<String>, StoreError> {
-        let table = tables.source.table(self.table)?;
-        let mut names: Vec<String> = Vec::new();
-        for entry in table.range::<&[u8]>(..)? {
-            let (key, _) = entry.map_err(StoreError::when("reading the store"))?;
-            let Some((name, _)) = keys::parse_piece(key.value()) else {
-                return Err(self.damage(&key.value().escape_ascii().to_string(), "the key is malformed"));
-            };
-            if names.last().is_none_or(|last| last != name) {
-                names.push(name.to_owned());
-            }
-        }
-        Ok(names)
+        names(&tables.source.table(self.table)?, self.name)
     }
 
     /// The blob `name`; `None` where there is none.
@@ -112,4 +101,24 @@ impl Blobs {
     fn damage(self, key: &str, what: impl Into<String>) -> StoreError {
         StoreError::damage(self.name, key, what)
     }
+}
+
+/// The names that the keys of a table begin with, up to the first NUL, ascending. Looks at one key per name.
+pub(super) fn names(
+    table: &AnyTable<'_, &'static [u8], &'static [u8]>,
+    label: &'static str,
+) -> Result<Vec<String>, StoreError> {
+    let mut names = Vec::new();
+    let mut from = Some(Vec::new());
+    while let Some(start) = from {
+        let Some(entry) = table.range(&start[..]..)?.next() else { break };
+        let (key, _) = entry.map_err(StoreError::when("reading the store"))?;
+        let name = key.value().split(|&byte| byte == 0).next().unwrap_or_default();
+        let Ok(text) = std::str::from_utf8(name) else {
+            return Err(StoreError::damage(label, key.value().escape_ascii().to_string(), "the key is malformed"));
+        };
+        names.push(text.to_owned());
+        from = keys::after(&keys::tag_prefix(text, None));
+    }
+    Ok(names)
 }

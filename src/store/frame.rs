@@ -116,7 +116,9 @@ mod tests {
     fn a_frame_has_its_golden_bytes() {
         let value = seal(Kind::Record, &7_u64.to_le_bytes(), b"payload");
         assert_eq!(value[..8], [3, 1, 0, 0, 7, 0, 0, 0]);
-        assert_eq!(value[8..16], 0xC0DE_u64.to_le_bytes());
+        assert_eq!(value[8..16], [86, 103, 126, 216, 77, 109, 86, 199]);
+        let covered = [&value[..8], &7_u64.to_le_bytes(), b"payload"].concat();
+        assert_eq!(value[8..16], xxhash_rust::xxh3::xxh3_64(&covered).to_le_bytes());
         assert_eq!(&value[16..], b"payload");
     }
 

@@ -106,6 +106,7 @@ impl State {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::codec;
 
     #[test]
     fn the_header_is_frozen() {
@@ -119,5 +120,15 @@ mod tests {
             damaged[bit / 8] ^= 1 << (bit % 8);
             assert!(Header::decode(&damaged).is_err());
         }
+    }
+    #[test]
+    fn settings_and_state_have_their_golden_bytes() {
+        let settings =
+            Settings { views: vec![ViewCode(0), ViewCode(7)], volumes: Volumes::None, ..Settings::default() };
+        let bytes = [2, 0, 0, 0, 0, 0, 0, 0, 0, 7, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+        assert_eq!(codec::encode(&settings).as_deref(), Some(&bytes[..]));
+        let state = State { revision: 1, next_id: 2, live: 3, rows: 4 };
+        let bytes: Vec<u8> = [1_u64, 2, 3, 4].iter().flat_map(|word| word.to_le_bytes()).collect();
+        assert_eq!(codec::encode(&state), Some(bytes));
     }
 }

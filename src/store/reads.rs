@@ -227,6 +227,11 @@ pub trait Reads: sealed::Source {
         }
     }
 
+    /// The names of the spaces that have points, ascending.
+    fn spaces_with_points(&self) -> Result<Vec<String>, StoreError> {
+        blob::names(&self.tables().source.table(keys::POINTS)?, "points")
+    }
+
     /// The coordinates of one block of one part of `space`, row-major: rows
     /// `block * point_rows_per_block(width) ..` of the store. `layout` is this state's [`Reads::points_layout`].
     ///

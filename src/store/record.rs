@@ -164,3 +164,83 @@ fn path_from_bytes(bytes: &[u8]) -> PathBuf {
         PathBuf::from(String::from_utf8_lossy(bytes).into_owned())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::codec;
+
+    fn full() -> StoredRecord {
+        StoredRecord {
+            name: "ab".into(),
+            path: Some(vec![b'/', 0xFF]),
+            content: Some(Content { shape: [3, 4, 5], channels: 1, hash: [7; 32] }),
+            provenance: Some(Provenance {
+                kind: "nrrd".into(),
+                samples: "u16".into(),
+                mapping: Some(RecordedMapping { rule: "full".into(), lo: 0.0, hi: 1.0 }),
+                spacing: Some([1.0, 0.0, 0.0]),
+            }),
+            cut: Some(Cut { offset: [1, 2, 3], parent: [9, 9, 9] }),
+            tags: [("k".to_owned(), "v".to_owned())].into(),
+            voxels: Some(StoredVoxels { bytes: 6, pieces: 1 }),
+            has_sums: true,
+        }
+    }
+
+    /// Little-endian `u64`s.
+    fn words(words: &[u64]) -> Vec<u8> {
+        words.iter().flat_map(|word| word.to_le_bytes()).collect()
+    }
+
+    #[test]
+    fn a_record_has_its_golden_bytes() {
+        let one = 1.0_f64.to_bits();
+        let expected = [
+            &words(&[2])[..],
+            b"ab\x01",
+            &words(&[2]),
+            b"/\xFF\x01",
+            &words(&[3, 4, 5]),
+            &[1],
+            &[7; 32],
+            &[1],
+            &words(&[4]),
+            b"nrrd",
+            &words(&[3]),
+            b"u16\x01",
+            &words(&[4]),
+            b"full",
+            &words(&[0, one]),
+            &[1],
+            &words(&[one, 0, 0]),
+            &[1],
+            &words(&[1, 2, 3, 9, 9, 9]),
+            &words(&[1, 1]),
+            b"k",
+            &words(&[1]),
+            b"v\x01",
+            &words(&[6]),
+            &[1, 0, 0, 0, 1],
+        ]
+        .concat();
+        assert_eq!(codec::encode(&full()), Some(expected.clone()));
+        assert_eq!(codec::decode(&expected), Ok(full()));
+        for length in 0..expected.len() {
+            assert!(codec::decode::<StoredRecord>(&expected[..length]).is_err());
+        }
+        assert!(codec::decode::<StoredRecord>(&[&expected[..], &[0]].concat()).is_err(), "a byte is left over");
+    }
+
+    #[test]
+    fn a_lying_length_takes_no_memory() {
+        assert!(codec::decode::<StoredRecord>(&words(&[u64::MAX])).is_err());
+        assert!(codec::decode::<StoredRecord>(&words(&[1 << 23])).is_err());
+    }
+
+    #[test]
+    fn a_monstrous_shape_has_no_size() {
+        let content = Content { shape: [1 << 40, 1 << 40, 3], channels: 1, hash: [0; 32] };
+        assert_eq!(content.bytes(), None);
+    }
+}

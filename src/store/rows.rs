@@ -145,7 +145,9 @@ mod tests {
     #[test]
     fn gaps_of_any_size_come_back() {
         for gap in [1, 127, 128, 1 << 35, u64::MAX - 1] {
-            let block = RowBlock { ids: vec![1, 1 + gap], live: Bits::filled(2, true) };
+            let mut block = RowBlock::default();
+            block.push(1);
+            block.push(1 + gap);
             let mut payload = Vec::new();
             block.encode(&mut payload);
             assert_eq!(RowBlock::decode(&payload), Ok(block));

@@ -25,3 +25,20 @@ pub(super) fn decode(id: u64, value: &[u8]) -> Result<Sums, StoreError> {
     }
     Ok(sums)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_have_their_golden_bytes() {
+        let mut sums = Sums { windows: 5, ..Sums::ZERO };
+        sums.values[250] = 0x0102;
+        let value = encode(9, &sums);
+        assert_eq!(value.len(), 16 + 2016);
+        assert_eq!((&value[..8], value[16]), (&[7, 1, 0, 0, 0xE0, 7, 0, 0][..], 5));
+        assert_eq!(value[2024..], [2, 1, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(decode(9, &value).unwrap(), sums);
+        assert!(decode(8, &value).is_err());
+    }
+}

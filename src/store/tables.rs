@@ -5,7 +5,7 @@ use std::ops::RangeBounds;
 
 use redb::{
     AccessGuard, Key, Range, ReadOnlyTable, ReadTransaction, ReadableTable, ReadableTableMetadata, Table,
-    TableDefinition, TableStats, Value, WriteTransaction,
+    TableDefinition, Value, WriteTransaction,
 };
 
 use super::StoreError;
@@ -73,13 +73,5 @@ impl<K: Key + 'static, V: Value + 'static> AnyTable<'_, K, V> {
             Self::Write(table) => table.len(),
         }
         .map_err(StoreError::when("reading the store"))
-    }
-
-    pub(super) fn stats(&self) -> Result<TableStats, StoreError> {
-        match self {
-            Self::Read(table) => table.stats(),
-            Self::Write(table) => table.stats(),
-        }
-        .map_err(StoreError::when("measuring the store"))
     }
 }

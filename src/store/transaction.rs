@@ -342,8 +342,16 @@ impl Transaction {
         })
     }
 
+    /// After compaction: how many rows there are.
+    pub(super) fn set_rows(&mut self, rows: u64) {
+        self.state.rows = rows;
+    }
+
     /// Runs an operation that writes. Where it fails the transaction is broken: it may be half done.
-    fn writing<T>(&mut self, operation: impl FnOnce(&mut Self) -> Result<T, StoreError>) -> Result<T, StoreError> {
+    pub(super) fn writing<T>(
+        &mut self,
+        operation: impl FnOnce(&mut Self) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
         if self.broken {
             return Err(StoreError::Broken);
         }
@@ -363,7 +371,7 @@ impl Transaction {
         table.insert(key, value).map(drop).map_err(StoreError::when("writing the store"))
     }
 
-    fn delete<'k, K: redb::Key + 'static, V: redb::Value + 'static>(
+    pub(super) fn delete<'k, K: redb::Key + 'static, V: redb::Value + 'static>(
         &self,
         table: redb::TableDefinition<K, V>,
         key: impl std::borrow::Borrow<K::SelfType<'k>>,
@@ -413,6 +421,10 @@ impl Transaction {
 
     fn close_row_block(&mut self) -> Result<(), StoreError> {
         let Some((block, rows)) = self.open.rows.take() else { return Ok(()) };
+        self.put_row_block(block, &rows)
+    }
+
+    pub(super) fn put_row_block(&self, block: u32, rows: &RowBlock) -> Result<(), StoreError> {
         let mut builder = frame::Builder::new(Kind::Rows, 16 + 3 * rows.ids.len());
         rows.encode(builder.payload());
         self.insert(keys::ROWS, block, &*builder.seal(&block.to_le_bytes()))
@@ -462,7 +474,7 @@ impl Transaction {
         self.insert(keys::DESCRIPTORS, (view.0, block), &*value)
     }
 
-    fn put_layout(&self, space: &str, layout: &PointsLayout) -> Result<(), StoreError> {
+    pub(super) fn put_layout(&self, space: &str, layout: &PointsLayout) -> Result<(), StoreError> {
         let key = keys::points_layout(space);
         let mut builder = frame::Builder::new(Kind::PointsLayout, 16 + 2 * layout.widths.len());
         layout.encode(builder.payload());

@@ -54,7 +54,11 @@ pub(super) fn expand(content: &Content, stream: &[u8]) -> Result<Volume, String>
     };
     let mut voxels = Vec::new();
     voxels.try_reserve_exact(bytes).map_err(|_| format!("{bytes} bytes of voxels do not fit in memory"))?;
-    zstd::bulk::decompress_to_buffer(stream, &mut voxels)
+    voxels.resize(bytes, 0);
+    let expanded = zstd::bulk::decompress_to_buffer(stream, &mut voxels[..])
         .map_err(|error| format!("zstd refuses the voxels: {error}"))?;
+    if expanded != bytes {
+        return Err(format!("the stream holds {expanded} bytes of voxels, the shape asks for {bytes}"));
+    }
     Volume::new(shape, usize::from(content.channels), voxels).map_err(|error| error.to_string())
 }

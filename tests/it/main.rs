@@ -8,6 +8,7 @@ mod model;
 mod program;
 mod real;
 mod reference_sums;
+mod store;
 mod support;
 mod views;
 mod volume_formats;
