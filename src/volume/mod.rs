@@ -7,6 +7,8 @@
 mod decode;
 mod error;
 mod extent;
+#[cfg(test)]
+mod hostile;
 mod intensity;
 mod levels;
 mod metaimage;
