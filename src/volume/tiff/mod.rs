@@ -311,3 +311,6 @@ fn rewind(reader: &mut impl Seek, offset: u64) -> Result<(), VolumeError> {
 fn undecodable(index: usize, error: ::tiff::TiffError) -> VolumeError {
     VolumeError::Decode { what: format!("page {} of the TIFF", index + 1), source: Box::new(error) }
 }
+
+#[cfg(test)]
+mod tests;
