@@ -11,6 +11,7 @@ mod natural;
 mod picture;
 mod read;
 pub mod samples;
+pub mod sheet;
 mod slices;
 mod source;
 mod tiff;
