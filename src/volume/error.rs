@@ -82,6 +82,15 @@ pub enum VolumeError {
         /// The path as the header writes it (escaped).
         named: String,
     },
+    /// The data file that a detached header names cannot be reached.
+    #[error("the header names the data file {named}, which cannot be opened: it belongs beside the header")]
+    DataFile {
+        /// The path as the header writes it (escaped).
+        named: String,
+        /// The system's own words.
+        #[source]
+        source: std::io::Error,
+    },
     /// Neither content nor name tells the kind.
     #[error(
         "the kind of file is not known (it begins with {start}); known kinds: {known}; for bare samples give --raw-shape and --raw-type"

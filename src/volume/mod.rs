@@ -4,16 +4,26 @@
 //! interleaved). Every reader yields this layout, whatever the file's own axis order is, so that a volume has the same
 //! sums in every format. This room stands on the ground: it knows nothing of masks, stores or distances.
 
+mod decode;
 mod discover;
 mod error;
+mod extent;
 mod intensity;
+mod levels;
+mod metaimage;
 mod natural;
+mod nifti;
+mod npy;
+mod nrrd;
 mod picture;
+mod raw;
 mod read;
-pub mod samples;
+mod samples;
 pub mod sheet;
 mod slices;
 mod source;
+#[cfg(test)]
+mod testing;
 mod tiff;
 #[allow(clippy::module_inception)]
 mod volume;

@@ -1,16 +1,16 @@
 //! One door for every kind of file: the kind is told by content first, then by name.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::{FileKind, ReadError, ReadOptions, Source, Volume, VolumeError, slices, tiff, vox};
+use super::{FileKind, ReadError, ReadOptions, Source, Volume, VolumeError};
+use super::{decode, metaimage, nifti, npy, nrrd, raw, slices, tiff, vox};
 
 /// The bytes from the start of a file by which its kind is told.
 const HEAD: u64 = 4096;
 
 /// The kinds that [`read`] knows, as an error names them.
-const KNOWN: &str = "npy, npz, NRRD, MetaImage, NIfTI";
+const KNOWN: &str = "npy, npz, NRRD, MetaImage, NIfTI, TIFF, MagicaVoxel, and folders of PNG, JPEG or TIFF slices";
 
 /// One kind of file: how it is told and how it is read.
 struct Reader {
@@ -24,9 +24,19 @@ struct Reader {
 
 /// Every reader of single files, the first that knows the content reads it.
 const READERS: &[Reader] = &[
+    Reader { kind: FileKind::Npy, endings: &[".npy"], sniff: npy::sniff, read: npy::read },
+    Reader { kind: FileKind::Npz, endings: &[".npz"], sniff: npy::sniff_archive, read: npy::read_archive },
+    Reader { kind: FileKind::Nrrd, endings: &[".nrrd", ".nhdr"], sniff: nrrd::sniff, read: nrrd::read },
+    Reader { kind: FileKind::MetaImage, endings: &[".mha", ".mhd"], sniff: metaimage::sniff, read: metaimage::read },
+    Reader { kind: FileKind::Nifti, endings: NIFTI, sniff: nifti::sniff, read: nifti::read },
     Reader { kind: FileKind::Tiff, endings: &[".tif", ".tiff"], sniff: tiff::sniff, read: tiff::read },
     Reader { kind: FileKind::Vox, endings: &[".vox"], sniff: vox::sniff, read: vox::read },
 ];
+
+const NIFTI: &[&str] = &[".nii", ".nii.gz", ".hdr", ".hdr.gz", ".img", ".img.gz"];
+
+/// The ends of names that promise bare samples: where a layout is given, what such a file begins with means nothing.
+const BARE: &[&str] = &[".raw", ".bin", ".dat"];
 
 /// The volume in a file, and what is known of its origin.
 ///
@@ -45,14 +55,18 @@ fn read_any(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), Volu
         return slices::read(path, options);
     }
     let head = head(path)?;
+    if let Some(layout) = options.raw.filter(|_| named(path, BARE)) {
+        return raw::read(path, &layout, options);
+    }
     let by_content = READERS.iter().find(|reader| (reader.sniff)(&head));
     let by_name = || READERS.iter().find(|reader| named(path, reader.endings));
-    match by_content.or_else(by_name) {
-        Some(reader) => {
+    match (by_content.or_else(by_name), options.raw) {
+        (Some(reader), _) => {
             tracing::debug!(kind = reader.kind.name(), path = %path.display(), "reading");
             (reader.read)(path, options)
         }
-        None => Err(VolumeError::UnknownKind { start: printable(&head), known: KNOWN }),
+        (None, Some(layout)) => raw::read(path, &layout, options),
+        (None, None) => Err(VolumeError::UnknownKind { start: printable(&head), known: KNOWN }),
     }
 }
 
@@ -60,7 +74,7 @@ fn read_any(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), Volu
 fn head(path: &Path) -> Result<Vec<u8>, VolumeError> {
     let io = |source| VolumeError::Io { doing: "opening the file", source };
     let mut head = Vec::new();
-    File::open(path).map_err(io)?.take(HEAD).read_to_end(&mut head).map_err(io)?;
+    decode::open(path)?.take(HEAD).read_to_end(&mut head).map_err(io)?;
     Ok(head)
 }
 

@@ -1,17 +1,14 @@
 //! [`Samples`]: what a reader has decoded, and how it becomes a [`Volume`].
 //!
-//! The bytes are never widened: the range is found and the levels are written by passing over the bytes as the file
-//! stored them, and the voxels end up at the front of the same allocation. So the largest memory a volume takes is what
-//! its samples take.
+//! The voxels end up at the front of the allocation that held the samples, so the most memory a volume takes is what its
+//! samples take.
 //!
 //! Invariant of what comes out: every sample was finite, `u8` samples are untouched, and the mapping that is returned
 //! reproduces the levels.
 
 use std::fmt;
-use std::str::FromStr;
 
-use half::f16;
-
+use super::levels::{self, Scaling};
 use super::{Intensity, Mapping, Shape, Volume, VolumeError};
 
 /// The type of the samples in a file.
@@ -74,6 +71,11 @@ impl SampleType {
         }
     }
 
+    /// The type of that [`name`](Self::name).
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|ty| ty.name() == name)
+    }
+
     /// Bytes of one sample.
     pub fn size(self) -> usize {
         match self {
@@ -91,15 +93,6 @@ impl fmt::Display for SampleType {
     }
 }
 
-impl FromStr for SampleType {
-    type Err = ();
-
-    /// The type of that [`name`](Self::name).
-    fn from_str(name: &str) -> Result<Self, ()> {
-        Self::ALL.into_iter().find(|ty| ty.name() == name).ok_or(())
-    }
-}
-
 /// Which byte of a sample comes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Endian {
@@ -112,6 +105,15 @@ pub enum Endian {
 impl Endian {
     /// The byte order of this machine.
     pub const NATIVE: Self = if cfg!(target_endian = "big") { Self::Big } else { Self::Little };
+}
+
+/// The number of voxels that these axis lengths promise, checked before memory is taken for them.
+///
+/// # Errors
+/// [`VolumeError::TooLarge`] where it is over the limit.
+pub(super) fn within_limit(lengths: [u128; 3], limit: u64) -> Result<u128, VolumeError> {
+    let voxels = lengths.into_iter().fold(1_u128, u128::saturating_mul);
+    if voxels > u128::from(limit) { Err(VolumeError::TooLarge { voxels, limit }) } else { Ok(voxels) }
 }
 
 /// Decoded samples: X fastest, channels interleaved.
@@ -127,33 +129,6 @@ pub struct Samples {
     pub endian: Endian,
     /// `Z * Y * X * channels * ty.size()` bytes.
     pub bytes: Vec<u8>,
-}
-
-/// A linear scaling from stored samples to the file's own units: `slope * stored + intercept`.
-///
-/// Invariant: the slope is finite and not zero, the intercept is finite.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scaling {
-    slope: f64,
-    intercept: f64,
-}
-
-impl Scaling {
-    /// Stored samples are the units.
-    pub const IDENTITY: Self = Self { slope: 1.0, intercept: 0.0 };
-
-    /// The scaling by these numbers; `None` where they are no invertible linear map.
-    pub fn new(slope: f64, intercept: f64) -> Option<Self> {
-        (slope.is_finite() && slope != 0.0 && intercept.is_finite()).then_some(Self { slope, intercept })
-    }
-
-    fn unit(self, stored: f64) -> f64 {
-        self.slope * stored + self.intercept
-    }
-
-    fn stored(self, unit: f64) -> f64 {
-        (unit - self.intercept) / self.slope
-    }
 }
 
 impl Samples {
@@ -174,7 +149,7 @@ impl Samples {
     ///
     /// # Errors
     /// As [`into_volume`](Self::into_volume).
-    pub fn into_volume_scaled(
+    pub(super) fn into_volume_scaled(
         mut self,
         intensity: Intensity,
         scaling: Scaling,
@@ -195,19 +170,8 @@ impl Samples {
             return Err(VolumeError::Length { expected, found: self.bytes.len() as u64 });
         }
         self.drop_alpha();
-        let mapping = match self.ty {
-            SampleType::U8 => None,
-            SampleType::I8 => Some(self.levels::<i8, 1>(intensity, scaling)?),
-            SampleType::U16 => Some(self.levels::<u16, 2>(intensity, scaling)?),
-            SampleType::I16 => Some(self.levels::<i16, 2>(intensity, scaling)?),
-            SampleType::U32 => Some(self.levels::<u32, 4>(intensity, scaling)?),
-            SampleType::I32 => Some(self.levels::<i32, 4>(intensity, scaling)?),
-            SampleType::U64 => Some(self.levels::<u64, 8>(intensity, scaling)?),
-            SampleType::I64 => Some(self.levels::<i64, 8>(intensity, scaling)?),
-            SampleType::F16 => Some(self.levels::<f16, 2>(intensity, scaling)?),
-            SampleType::F32 => Some(self.levels::<f32, 4>(intensity, scaling)?),
-            SampleType::F64 => Some(self.levels::<f64, 8>(intensity, scaling)?),
-        };
+        let mapping = levels::write(&mut self.bytes, self.ty, self.endian, intensity, scaling);
+        let mapping = mapping.map_err(|bad| self.not_finite(bad))?;
         self.bytes.shrink_to_fit();
         Ok((Volume::new(self.shape, kept, self.bytes)?, mapping))
     }
@@ -226,219 +190,63 @@ impl Samples {
         self.channels = 3;
     }
 
-    /// Writes the level of every sample to the front of the bytes.
-    fn levels<T: Sample<N>, const N: usize>(
-        &mut self,
-        intensity: Intensity,
-        scaling: Scaling,
-    ) -> Result<Mapping, VolumeError> {
-        if self.endian == Endian::Big {
-            self.bytes.as_chunks_mut::<N>().0.iter_mut().for_each(|bytes| bytes.reverse());
-            self.endian = Endian::Little;
-        }
-        let (low, high) = self.range::<T, N>()?;
-        let (low, high) = if intensity == Intensity::Auto { self.percentiles::<T, N>() } else { (low, high) };
-        // The range in stored samples, the recorded one in units.
-        let ((from, to), (lo, hi)) = match intensity {
-            Intensity::Window { lo, hi } => ((scaling.stored(lo), scaling.stored(hi)), (lo, hi)),
-            Intensity::Full | Intensity::Auto => {
-                let (from, to) = if scaling.slope > 0.0 { (low, high) } else { (high, low) };
-                ((from, to), (scaling.unit(from), scaling.unit(to)))
-            }
-        };
-        self.write_levels::<T, N>(&Levels::new(from, to));
-        Ok(Mapping { rule: intensity, lo, hi })
-    }
-
-    /// The samples, in the order of the file; their bytes must be little-endian.
-    fn iter<T: Sample<N>, const N: usize>(&self) -> impl Iterator<Item = T> {
-        self.bytes.as_chunks::<N>().0.iter().map(|&bytes| T::from_le(bytes))
-    }
-
-    /// The lowest and the highest sample, all of them having been found finite.
-    fn range<T: Sample<N>, const N: usize>(&self) -> Result<(f64, f64), VolumeError> {
-        let (mut low, mut high) = (u64::MAX, 0);
-        let mut finite = true;
-        for sample in self.iter::<T, N>() {
-            let key = sample.key();
-            (low, high) = (low.min(key), high.max(key));
-            finite &= sample.is_finite();
-        }
-        if finite { Ok((T::of_key(low), T::of_key(high))) } else { Err(self.first_bad::<T, N>()) }
-    }
-
-    fn first_bad<T: Sample<N>, const N: usize>(&self) -> VolumeError {
-        let bad = self.iter::<T, N>().enumerate().find(|(_, sample)| !sample.is_finite());
-        let (index, value) = bad.map_or((0, f64::NAN), |(index, sample)| (index, T::of_key(sample.key())));
+    /// The error of a bad sample, by the voxel it belongs to.
+    fn not_finite(&self, levels::NotFinite { index, value }: levels::NotFinite) -> VolumeError {
         let voxel = index / self.channels;
         let [_, height, width] = self.shape;
         VolumeError::NotFinite { value, position: [voxel / width / height, voxel / width % height, voxel % width] }
     }
+}
 
-    /// The samples at the ranks that [`Intensity::Auto`] names.
-    ///
-    /// Radix selection: the samples' keys, which order as the samples do, are counted by 16 bits at a time, from the
-    /// highest; one pass over the bytes per 16 bits, and 65 536 counters of memory, whatever the volume's size.
-    fn percentiles<T: Sample<N>, const N: usize>(&self) -> (f64, f64) {
-        let count = (self.bytes.len() / N) as u64;
-        let ranks = [count.div_ceil(1000), (u128::from(count) * 999).div_ceil(1000) as u64];
-        let [lo, hi] = ranks.map(|rank| T::of_key(self.ranked::<T, N>(rank)));
-        (lo, hi)
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::testing::encode;
+
+    fn samples(channels: usize, values: &[f64]) -> Samples {
+        let bytes = encode(values, SampleType::F32, Endian::Little);
+        Samples { shape: [3, 4, 5], channels, ty: SampleType::F32, endian: Endian::Little, bytes }
     }
 
-    /// The key of the sample at a rank, counted from 1.
-    fn ranked<T: Sample<N>, const N: usize>(&self, mut rank: u64) -> u64 {
-        const DIGIT: u32 = 16;
-        let mut counts = vec![0_u64; 1 << DIGIT];
-        let mut prefix = 0;
-        let mut shift = (8 * N as u32).next_multiple_of(DIGIT);
-        while shift > 0 {
-            let above = shift;
-            shift -= DIGIT;
-            counts.fill(0);
-            for key in self.iter::<T, N>().map(Sample::key) {
-                if key.checked_shr(above).unwrap_or(0) == prefix {
-                    counts[(key >> shift) as usize & ((1 << DIGIT) - 1)] += 1;
-                }
-            }
-            let mut digit = 0;
-            for (value, &count) in counts.iter().enumerate() {
-                digit = value as u64;
-                if rank <= count {
-                    break;
-                }
-                rank -= count;
-            }
-            prefix = prefix << DIGIT | digit;
-        }
-        prefix
+    #[test]
+    fn alpha_is_dropped_and_has_no_say_in_the_range() {
+        // Colours 0, 1, 2, ..., 179; every alpha far outside, one of them not even a number.
+        let colours = |voxel: usize| [3 * voxel, 3 * voxel + 1, 3 * voxel + 2].map(|colour| colour as f64);
+        let alpha = |voxel| if voxel == 7 { f64::NAN } else { 1e6 };
+        let rgba: Vec<f64> = (0..60).flat_map(|voxel| colours(voxel).into_iter().chain([alpha(voxel)])).collect();
+        let rgb: Vec<f64> = (0..60).flat_map(colours).collect();
+        let (volume, mapping) = samples(4, &rgba).into_volume(Intensity::Full).unwrap();
+        assert_eq!((volume.clone(), mapping), samples(3, &rgb).into_volume(Intensity::Full).unwrap());
+        assert_eq!((volume.channels(), mapping.unwrap().hi), (3, 179.0));
     }
 
-    /// In place: sample `i` begins at byte `i * N`, which is not before byte `i`, where its level goes.
-    fn write_levels<T: Sample<N>, const N: usize>(&mut self, levels: &Levels) {
-        let count = self.bytes.len() / N;
-        // Of few possible samples each is mapped once: a division per sample is what costs.
-        let table: Vec<u8> = if N <= 2 && count >= 1 << 16 {
-            (0..1_u64 << (8 * N)).map(|key| levels.of(T::of_key(key))).collect()
-        } else {
-            Vec::new()
-        };
-        for index in 0..count {
-            let Some(&bytes) = self.bytes[index * N..].first_chunk::<N>() else { break };
-            let sample = T::from_le(bytes);
-            self.bytes[index] = match table.get(sample.key() as usize) {
-                Some(&level) => level,
-                None => levels.of(T::of_key(sample.key())),
-            };
+    #[test]
+    fn a_bad_sample_is_named_by_its_voxel() {
+        for (channels, index, expected) in [(1, 59, [2, 3, 4]), (1, 23, [1, 0, 3]), (3, 3 * 23 + 2, [1, 0, 3])] {
+            let mut values = vec![1.0; 60 * channels];
+            values[index] = f64::NEG_INFINITY;
+            let error = samples(channels, &values).into_volume(Intensity::Full).unwrap_err();
+            let VolumeError::NotFinite { position, value } = error else { panic!("{error}") };
+            assert_eq!((position, value), (expected, f64::NEG_INFINITY));
         }
-        self.bytes.truncate(count);
-    }
-}
-
-/// The map from stored samples to levels: `lo` becomes 0, `hi` becomes 255 (`hi` may be the lower one).
-struct Levels {
-    lo: f64,
-    range: f64,
-    /// Halves numbers whose difference, times 255, would leave the range of `f64`; else 1.
-    shrink: f64,
-}
-
-impl Levels {
-    fn new(lo: f64, hi: f64) -> Self {
-        let shrink = if (255.0 * (hi - lo)).is_finite() { 1.0 } else { 1.0 / 1024.0 };
-        Self { lo: lo * shrink, range: hi * shrink - lo * shrink, shrink }
     }
 
-    fn of(&self, sample: f64) -> u8 {
-        if self.range == 0.0 {
-            return 0;
+    #[test]
+    fn what_is_no_volume_is_refused() {
+        let refused = |samples: Samples| samples.into_volume(Intensity::Full).unwrap_err();
+        assert!(matches!(refused(samples(2, &[0.0; 120])), VolumeError::Unsupported { .. }));
+        assert!(matches!(refused(samples(1, &[0.0; 61])), VolumeError::Length { expected: 240, found: 244 }));
+        let flat = Samples { shape: [2, 5, 6], ..samples(1, &[0.0; 60]) };
+        assert!(matches!(refused(flat), VolumeError::TooSmall { shape: [2, 5, 6] }));
+        let empty = Samples { shape: [0, 5, 6], bytes: Vec::new(), ..samples(1, &[]) };
+        assert!(matches!(refused(empty), VolumeError::TooSmall { .. }));
+    }
+
+    #[test]
+    fn types_are_found_by_name() {
+        for ty in SampleType::ALL {
+            assert_eq!(SampleType::from_name(ty.name()), Some(ty));
+            assert!(ty.name().ends_with(&(8 * ty.size()).to_string()));
         }
-        let level = 255.0 * (sample * self.shrink - self.lo) / self.range;
-        level.round().clamp(0.0, 255.0) as u8
     }
 }
-
-/// A type of sample of `N` bytes.
-trait Sample<const N: usize>: Copy {
-    fn from_le(bytes: [u8; N]) -> Self;
-    /// A number that orders as the samples do (zeros by their sign), in the low `8 N` bits.
-    fn key(self) -> u64;
-    /// The value of the sample of that key.
-    fn of_key(key: u64) -> f64;
-    fn is_finite(self) -> bool;
-}
-
-macro_rules! unsigned {
-    ($ty:ty, $size:literal) => {
-        impl Sample<$size> for $ty {
-            fn from_le(bytes: [u8; $size]) -> Self {
-                Self::from_le_bytes(bytes)
-            }
-            fn key(self) -> u64 {
-                u64::from(self)
-            }
-            fn of_key(key: u64) -> f64 {
-                key as f64
-            }
-            fn is_finite(self) -> bool {
-                true
-            }
-        }
-    };
-}
-
-/// Signed integers order as unsigned ones do once the sign bit is turned over.
-macro_rules! signed {
-    ($ty:ty, $bits:ty, $size:literal) => {
-        impl Sample<$size> for $ty {
-            fn from_le(bytes: [u8; $size]) -> Self {
-                Self::from_le_bytes(bytes)
-            }
-            fn key(self) -> u64 {
-                u64::from(self as $bits ^ (1 << (<$bits>::BITS - 1)))
-            }
-            fn of_key(key: u64) -> f64 {
-                (key as $bits ^ (1 << (<$bits>::BITS - 1))) as $ty as f64
-            }
-            fn is_finite(self) -> bool {
-                true
-            }
-        }
-    };
-}
-
-/// Floating-point numbers order as their bits do once the sign bit, or of negative ones every bit, is turned over.
-macro_rules! float {
-    ($ty:ty, $bits:ty, $size:literal) => {
-        impl Sample<$size> for $ty {
-            fn from_le(bytes: [u8; $size]) -> Self {
-                Self::from_le_bytes(bytes)
-            }
-            fn key(self) -> u64 {
-                const SIGN: $bits = 1 << (<$bits>::BITS - 1);
-                let bits = self.to_bits();
-                u64::from(if bits & SIGN == 0 { bits | SIGN } else { !bits })
-            }
-            fn of_key(key: u64) -> f64 {
-                const SIGN: $bits = 1 << (<$bits>::BITS - 1);
-                let bits = key as $bits;
-                // The sum makes -0 the 0 that it equals.
-                f64::from(<$ty>::from_bits(if bits & SIGN == 0 { !bits } else { bits & !SIGN })) + 0.0
-            }
-            fn is_finite(self) -> bool {
-                <$ty>::is_finite(self)
-            }
-        }
-    };
-}
-
-unsigned!(u16, 2);
-unsigned!(u32, 4);
-unsigned!(u64, 8);
-signed!(i8, u8, 1);
-signed!(i16, u16, 2);
-signed!(i32, u32, 4);
-signed!(i64, u64, 8);
-float!(f16, u16, 2);
-float!(f32, u32, 4);
-float!(f64, u64, 8);

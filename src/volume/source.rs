@@ -1,7 +1,6 @@
 //! What is known of where a volume came from, and what the caller may say beforehand.
 
 use std::fmt;
-use std::str::FromStr;
 
 use super::{Endian, Intensity, Mapping, SampleType, Shape};
 
@@ -126,7 +125,8 @@ impl RawLayout {
             (_, Some(name)) => (name, Endian::Big),
             _ => (text, Endian::Little),
         };
-        SampleType::from_str(name).map(|ty| (ty, endian)).map_err(|()| RawTypeError { found: text.into() })
+        let ty = SampleType::from_name(name).ok_or_else(|| RawTypeError { found: text.into() })?;
+        Ok((ty, endian))
     }
 }
 

@@ -6,3 +6,4 @@
 mod reference_sums;
 mod support;
 mod volume_pictures;
+mod volume_formats;

@@ -1,0 +1,399 @@
+//! From deep samples to 256 levels, in place.
+//!
+//! The bytes are never widened: the range is found and the levels are written by passing over the bytes as they are
+//! stored, whatever their type. A *key* is a whole number that orders as the samples of a type do; ranges and ranks are
+//! found among keys, so that one selection serves integers and floats.
+
+use half::f16;
+
+use super::{Endian, Intensity, Mapping, SampleType};
+
+/// A linear scaling from stored samples to the file's own units: `slope * stored + intercept`.
+///
+/// Invariant: the slope is finite and not zero, the intercept is finite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Scaling {
+    slope: f64,
+    intercept: f64,
+}
+
+impl Scaling {
+    /// Stored samples are the units.
+    pub(super) const IDENTITY: Self = Self { slope: 1.0, intercept: 0.0 };
+
+    /// The scaling by these numbers; `None` where they are no invertible linear map.
+    pub(super) fn new(slope: f64, intercept: f64) -> Option<Self> {
+        (slope.is_finite() && slope != 0.0 && intercept.is_finite()).then_some(Self { slope, intercept })
+    }
+
+    fn unit(self, stored: f64) -> f64 {
+        self.slope * stored + self.intercept
+    }
+
+    fn stored(self, unit: f64) -> f64 {
+        (unit - self.intercept) / self.slope
+    }
+}
+
+/// The first sample that is NaN or infinite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct NotFinite {
+    /// How many samples come before it.
+    pub(super) index: usize,
+    pub(super) value: f64,
+}
+
+/// Writes the level of every sample to the front of the bytes and cuts off the rest; `u8` samples are left as they are.
+pub(super) fn write(
+    bytes: &mut Vec<u8>,
+    ty: SampleType,
+    endian: Endian,
+    intensity: Intensity,
+    scaling: Scaling,
+) -> Result<Option<Mapping>, NotFinite> {
+    let write = match ty {
+        SampleType::U8 => return Ok(None),
+        SampleType::I8 => write_typed::<i8, 1>,
+        SampleType::U16 => write_typed::<u16, 2>,
+        SampleType::I16 => write_typed::<i16, 2>,
+        SampleType::U32 => write_typed::<u32, 4>,
+        SampleType::I32 => write_typed::<i32, 4>,
+        SampleType::U64 => write_typed::<u64, 8>,
+        SampleType::I64 => write_typed::<i64, 8>,
+        SampleType::F16 => write_typed::<f16, 2>,
+        SampleType::F32 => write_typed::<f32, 4>,
+        SampleType::F64 => write_typed::<f64, 8>,
+    };
+    write(bytes, endian, intensity, scaling).map(Some)
+}
+
+fn write_typed<T: Sample<N>, const N: usize>(
+    bytes: &mut Vec<u8>,
+    endian: Endian,
+    intensity: Intensity,
+    scaling: Scaling,
+) -> Result<Mapping, NotFinite> {
+    if endian == Endian::Big {
+        bytes.as_chunks_mut::<N>().0.iter_mut().for_each(|bytes| bytes.reverse());
+    }
+    let range = range::<T, N>(bytes)?;
+    let (low, high) = if intensity == Intensity::Auto { percentiles::<T, N>(bytes) } else { range };
+    // The range in stored samples, the recorded one in units.
+    let ((from, to), (lo, hi)) = match intensity {
+        Intensity::Window { lo, hi } => ((scaling.stored(lo), scaling.stored(hi)), (lo, hi)),
+        Intensity::Full | Intensity::Auto => {
+            let (from, to) = if scaling.slope > 0.0 { (low, high) } else { (high, low) };
+            ((from, to), (scaling.unit(from), scaling.unit(to)))
+        }
+    };
+    replace::<T, N>(bytes, &Levels::new(from, to));
+    Ok(Mapping { rule: intensity, lo, hi })
+}
+
+/// The samples of little-endian bytes.
+fn samples<T: Sample<N>, const N: usize>(bytes: &[u8]) -> impl Iterator<Item = T> {
+    bytes.as_chunks::<N>().0.iter().map(|&bytes| T::from_le(bytes))
+}
+
+/// The lowest and the highest sample, all of them having been found finite.
+fn range<T: Sample<N>, const N: usize>(bytes: &[u8]) -> Result<(f64, f64), NotFinite> {
+    let (mut low, mut high, mut finite) = (u64::MAX, 0, true);
+    for sample in samples::<T, N>(bytes) {
+        let key = sample.key();
+        (low, high) = (low.min(key), high.max(key));
+        finite &= sample.is_finite();
+    }
+    match samples::<T, N>(bytes).enumerate().find(|(_, sample)| !finite && !sample.is_finite()) {
+        Some((index, sample)) => Err(NotFinite { index, value: T::of_key(sample.key()) }),
+        None => Ok((T::of_key(low), T::of_key(high))),
+    }
+}
+
+/// The samples at the ranks that [`Intensity::Auto`] names.
+fn percentiles<T: Sample<N>, const N: usize>(bytes: &[u8]) -> (f64, f64) {
+    let count = (bytes.len() / N) as u128;
+    let [low, high] = [1, 999].map(|thousandths| (count * thousandths).div_ceil(1000) as u64);
+    (T::of_key(ranked::<T, N>(bytes, low)), T::of_key(ranked::<T, N>(bytes, high)))
+}
+
+/// The key of the sample at a rank, counted from 1.
+///
+/// Radix selection: keys are counted by 16 bits at a time, from the highest. That is one pass over the bytes for every 16
+/// bits of a sample and 65 536 counters of memory, whatever the volume's size.
+fn ranked<T: Sample<N>, const N: usize>(bytes: &[u8], mut rank: u64) -> u64 {
+    const DIGIT: u32 = 16;
+    let mut counts = vec![0_u64; 1 << DIGIT];
+    let mut prefix = 0;
+    let mut shift = (8 * N as u32).next_multiple_of(DIGIT);
+    while shift > 0 {
+        let above = shift;
+        shift -= DIGIT;
+        counts.fill(0);
+        for key in samples::<T, N>(bytes).map(Sample::key) {
+            if key.checked_shr(above).unwrap_or(0) == prefix {
+                counts[(key >> shift) as usize & ((1 << DIGIT) - 1)] += 1;
+            }
+        }
+        let mut digit = 0;
+        for (value, &count) in (0..).zip(&counts) {
+            digit = value;
+            if rank <= count {
+                break;
+            }
+            rank -= count;
+        }
+        prefix = prefix << DIGIT | digit;
+    }
+    prefix
+}
+
+/// In place: sample `i` begins at byte `i * N`, which is not before byte `i`, where its level goes.
+fn replace<T: Sample<N>, const N: usize>(bytes: &mut Vec<u8>, levels: &Levels) {
+    let count = bytes.len() / N;
+    // Of few possible samples each is mapped once: a division per sample is what costs.
+    let table: Vec<u8> = if N <= 2 && count >= 1 << 16 {
+        (0..1_u64 << (8 * N)).map(|key| levels.of(T::of_key(key))).collect()
+    } else {
+        Vec::new()
+    };
+    for index in 0..count {
+        let Some(&sample) = bytes[index * N..].first_chunk::<N>() else { break };
+        let key = T::from_le(sample).key();
+        let level = table.get(key as usize).copied();
+        bytes[index] = level.unwrap_or_else(|| levels.of(T::of_key(key)));
+    }
+    bytes.truncate(count);
+}
+
+/// The map from stored samples to levels: `lo` becomes 0, `hi` becomes 255 (`hi` may be the lower one).
+struct Levels {
+    lo: f64,
+    range: f64,
+    /// Halves numbers whose difference, times 255, would leave the range of `f64`; else 1.
+    shrink: f64,
+}
+
+impl Levels {
+    fn new(lo: f64, hi: f64) -> Self {
+        let shrink = if (255.0 * (hi - lo)).is_finite() { 1.0 } else { 1.0 / 1024.0 };
+        Self { lo: lo * shrink, range: hi * shrink - lo * shrink, shrink }
+    }
+
+    fn of(&self, sample: f64) -> u8 {
+        if self.range == 0.0 {
+            return 0;
+        }
+        let level = 255.0 * (sample * self.shrink - self.lo) / self.range;
+        level.round().clamp(0.0, 255.0) as u8
+    }
+}
+
+/// A type of sample of `N` bytes.
+trait Sample<const N: usize>: Copy {
+    fn from_le(bytes: [u8; N]) -> Self;
+    /// A number that orders as the samples do (zeros by their sign), in the low `8 N` bits.
+    fn key(self) -> u64;
+    /// The value of the sample of that key.
+    fn of_key(key: u64) -> f64;
+    fn is_finite(self) -> bool;
+}
+
+macro_rules! unsigned {
+    ($ty:ty, $size:literal) => {
+        impl Sample<$size> for $ty {
+            fn from_le(bytes: [u8; $size]) -> Self {
+                Self::from_le_bytes(bytes)
+            }
+            fn key(self) -> u64 {
+                u64::from(self)
+            }
+            fn of_key(key: u64) -> f64 {
+                key as f64
+            }
+            fn is_finite(self) -> bool {
+                true
+            }
+        }
+    };
+}
+
+/// Signed integers order as unsigned ones do once the sign bit is turned over.
+macro_rules! signed {
+    ($ty:ty, $bits:ty, $size:literal) => {
+        impl Sample<$size> for $ty {
+            fn from_le(bytes: [u8; $size]) -> Self {
+                Self::from_le_bytes(bytes)
+            }
+            fn key(self) -> u64 {
+                u64::from(self as $bits ^ (1 << (<$bits>::BITS - 1)))
+            }
+            fn of_key(key: u64) -> f64 {
+                (key as $bits ^ (1 << (<$bits>::BITS - 1))) as $ty as f64
+            }
+            fn is_finite(self) -> bool {
+                true
+            }
+        }
+    };
+}
+
+/// Floating-point numbers order as their bits do once the sign bit, or of negative ones every bit, is turned over.
+macro_rules! float {
+    ($ty:ty, $bits:ty, $size:literal) => {
+        impl Sample<$size> for $ty {
+            fn from_le(bytes: [u8; $size]) -> Self {
+                Self::from_le_bytes(bytes)
+            }
+            fn key(self) -> u64 {
+                const SIGN: $bits = 1 << (<$bits>::BITS - 1);
+                let bits = self.to_bits();
+                u64::from(if bits & SIGN == 0 { bits | SIGN } else { !bits })
+            }
+            fn of_key(key: u64) -> f64 {
+                const SIGN: $bits = 1 << (<$bits>::BITS - 1);
+                let bits = key as $bits;
+                // The sum makes -0 the 0 that it equals.
+                f64::from(<$ty>::from_bits(if bits & SIGN == 0 { !bits } else { bits & !SIGN })) + 0.0
+            }
+            fn is_finite(self) -> bool {
+                <$ty>::is_finite(self)
+            }
+        }
+    };
+}
+
+unsigned!(u16, 2);
+unsigned!(u32, 4);
+unsigned!(u64, 8);
+signed!(i8, u8, 1);
+signed!(i16, u16, 2);
+signed!(i32, u32, 4);
+signed!(i64, u64, 8);
+float!(f16, u16, 2);
+float!(f32, u32, 4);
+float!(f64, u64, 8);
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::volume::testing::{encode, value};
+
+    /// The definition, over a copy of every sample.
+    fn reference(samples: &[f64], intensity: Intensity) -> (Vec<u8>, f64, f64) {
+        let mut sorted = samples.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let rank = |thousandths: usize| sorted[(samples.len() * thousandths).div_ceil(1000) - 1];
+        let (lo, hi) = match intensity {
+            Intensity::Full => (sorted[0], sorted[sorted.len() - 1]),
+            Intensity::Auto => (rank(1), rank(999)),
+            Intensity::Window { lo, hi } => (lo, hi),
+        };
+        let level = |v: &f64| if hi == lo { 0 } else { (255.0 * (v - lo) / (hi - lo)).round().clamp(0.0, 255.0) as u8 };
+        (samples.iter().map(level).collect(), lo, hi)
+    }
+
+    fn check(samples: &[f64], ty: SampleType, endian: Endian, intensity: Intensity) {
+        let mut bytes = encode(samples, ty, endian);
+        let stored: Vec<f64> = bytes.chunks(ty.size()).map(|bytes| value(bytes, ty, endian)).collect();
+        let (levels, lo, hi) = reference(&stored, intensity);
+        let mapping = write(&mut bytes, ty, endian, intensity, Scaling::IDENTITY).unwrap();
+        if ty == SampleType::U8 {
+            assert_eq!(mapping, None);
+            assert_eq!(bytes, encode(samples, ty, endian));
+        } else {
+            assert_eq!(mapping, Some(Mapping { rule: intensity, lo, hi }), "{ty}");
+            assert_eq!(bytes, levels, "{ty} {endian:?} {intensity}");
+        }
+    }
+
+    fn rules() -> impl Strategy<Value = Intensity> {
+        let window = (-300.0..300.0, 0.1..500.0).prop_map(|(lo, wide)| Intensity::Window { lo, hi: lo + wide });
+        prop_oneof![Just(Intensity::Full), Just(Intensity::Auto), window]
+    }
+
+    proptest! {
+        #[test]
+        fn every_type_and_rule_does_what_the_definition_says(
+            samples in prop::collection::vec(-400.0..400.0_f64, 1..3000),
+            rule in rules(),
+        ) {
+            for ty in SampleType::ALL {
+                for endian in [Endian::Little, Endian::Big] {
+                    check(&samples, ty, endian, rule);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_table_gives_the_same_levels() {
+        let samples: Vec<f64> =
+            (0..70_000_u32).map(|i| f64::from(i.wrapping_mul(2_654_435_761) % 60_000) - 9.0).collect();
+        for ty in [SampleType::I8, SampleType::U16, SampleType::I16, SampleType::F16] {
+            check(&samples, ty, Endian::Big, Intensity::Auto);
+        }
+    }
+
+    #[test]
+    fn ranks_at_the_borders_of_thousands() {
+        for count in [1, 2, 999, 1000, 1001, 1999, 2000, 2001] {
+            let samples: Vec<f64> = (0..count).map(|i| f64::from((i * 7919) % count)).collect();
+            check(&samples, SampleType::I32, Endian::Little, Intensity::Auto);
+            check(&samples, SampleType::F64, Endian::Little, Intensity::Auto);
+        }
+    }
+
+    #[test]
+    fn extremes_and_constants() {
+        let full = |samples: &[f64], ty| {
+            let mut bytes = encode(samples, ty, Endian::Little);
+            write(&mut bytes, ty, Endian::Little, Intensity::Full, Scaling::IDENTITY).unwrap();
+            bytes
+        };
+        assert_eq!(full(&[f64::MIN, 0.0, f64::MAX], SampleType::F64), [0, 128, 255]);
+        assert_eq!(full(&[i64::MIN as f64, -1e18, i64::MAX as f64], SampleType::I64), [0, 114, 255]);
+        assert_eq!(full(&[0.0, u64::MAX as f64], SampleType::U64), [0, 255]);
+        assert_eq!(full(&[5e-324, 1e-323], SampleType::F64), [0, 255]);
+        assert_eq!(full(&[-0.0, 0.0, -0.0], SampleType::F32), [0, 0, 0]);
+        assert_eq!(full(&[9.0; 4], SampleType::U16), [0; 4]);
+    }
+
+    #[test]
+    fn a_half_is_rounded_away_from_zero() {
+        let mut bytes = encode(&[0.0, 1.0, 2.0, 509.0, 510.0], SampleType::U16, Endian::Little);
+        let window = Intensity::Window { lo: 0.0, hi: 510.0 };
+        write(&mut bytes, SampleType::U16, Endian::Little, window, Scaling::IDENTITY).unwrap();
+        assert_eq!(bytes, [0, 1, 1, 255, 255]);
+    }
+
+    #[test]
+    fn scaling_moves_windows_and_turns_round_when_negative() {
+        let samples = [0.0, 1.0, 2.0, 3.0, 4.0, 255.0];
+        let scaled = |intensity, slope, intercept| {
+            let mut bytes = encode(&samples, SampleType::I16, Endian::Little);
+            let scaling = Scaling::new(slope, intercept).unwrap();
+            let mapping = write(&mut bytes, SampleType::I16, Endian::Little, intensity, scaling).unwrap().unwrap();
+            (bytes, mapping.lo, mapping.hi)
+        };
+        assert_eq!(scaled(Intensity::Full, 0.1, 7.0), (vec![0, 1, 2, 3, 4, 255], 7.0, 32.5));
+        assert_eq!(scaled(Intensity::Full, -1.0, 255.0), (vec![255, 254, 253, 252, 251, 0], 0.0, 255.0));
+        let window = Intensity::Window { lo: 102.0, hi: 106.0 };
+        assert_eq!(scaled(window, 2.0, 100.0), (vec![0, 0, 128, 255, 255, 255], 102.0, 106.0));
+        for (slope, intercept) in [(0.0, 1.0), (f64::NAN, 0.0), (f64::INFINITY, 0.0), (1.0, f64::NAN)] {
+            assert_eq!(Scaling::new(slope, intercept), None);
+        }
+    }
+
+    #[test]
+    fn the_first_sample_that_is_not_finite_is_found() {
+        for ty in [SampleType::F16, SampleType::F32, SampleType::F64] {
+            for bad in [f64::INFINITY, f64::NEG_INFINITY] {
+                let mut bytes = encode(&[1.0, -2.0, bad, f64::NAN], ty, Endian::Big);
+                let found = write(&mut bytes, ty, Endian::Big, Intensity::Full, Scaling::IDENTITY);
+                assert_eq!(found, Err(NotFinite { index: 2, value: bad }));
+            }
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! MetaImage, in one file (`.mha`) or with its data file beside it (`.mhd`).
+//!
+//! Binary, zlib-compressed and ascii data. The first axis is the fastest, so (X, Y, Z) comes out as (Z, Y, X); three or
+//! four channels are interleaved colours. Orientation and origin are not applied. Data in several files are refused.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::decode::{self, HeaderLines};
+use super::extent::{Axes, Encoding, Extent, Start, dense};
+use super::levels::Scaling;
+use super::{Endian, FileKind, ReadOptions, SampleType, Source, Volume, VolumeError};
+
+/// The field that ends a header.
+const LAST: &str = "elementdatafile";
+
+/// Whether a file begins as a MetaImage does: with lines `Key = value`, among them one of two that none lacks.
+pub(super) fn sniff(head: &[u8]) -> bool {
+    const LINES: usize = 16;
+    let known = |line: &[u8]| {
+        let key = line.split(|&byte| byte == b'=').next().unwrap_or_default().trim_ascii();
+        key.eq_ignore_ascii_case(b"ObjectType") || key.eq_ignore_ascii_case(b"NDims")
+    };
+    let lines = head.split(|&byte| byte == b'\n').take(LINES);
+    lines.take_while(|line| line.contains(&b'=') && line.is_ascii()).any(known)
+}
+
+/// The volume in a MetaImage.
+pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
+    extent(path, options)?.read(options)
+}
+
+/// The fields of a header by lower-case key, and where it ends.
+struct Fields {
+    values: BTreeMap<String, String>,
+    length: u64,
+}
+
+impl Fields {
+    fn read(path: &Path) -> Result<Self, VolumeError> {
+        let mut lines = HeaderLines::open(path)?;
+        let mut values = BTreeMap::new();
+        while let Some(line) = lines.next()? {
+            if line.is_empty() {
+                continue;
+            }
+            let (key, value) = line.split_once('=').ok_or_else(|| VolumeError::Malformed {
+                found: format!("the header has the line \"{}\"", shown(&line)),
+                expected: "every line of it should be `Key = value`".into(),
+            })?;
+            let key = key.trim().to_ascii_lowercase();
+            let last = key == LAST;
+            values.insert(key, value.trim().to_owned());
+            if last {
+                return Ok(Self { values, length: lines.position });
+            }
+        }
+        Err(VolumeError::Malformed {
+            found: "the header has no field `ElementDataFile`".into(),
+            expected: "it should end with one: the file is truncated or damaged".into(),
+        })
+    }
+
+    fn get(&self, key: &str) -> Option<&str> {
+        self.values.get(&key.to_ascii_lowercase()).map(String::as_str)
+    }
+
+    fn required(&self, key: &str) -> Result<&str, VolumeError> {
+        self.get(key).ok_or_else(|| VolumeError::Malformed {
+            found: format!("the header has no field `{key}`"),
+            expected: "a MetaImage needs NDims, DimSize, ElementType and ElementDataFile".into(),
+        })
+    }
+
+    fn number<T: std::str::FromStr>(&self, key: &str) -> Result<Option<T>, VolumeError> {
+        let number = |value: &str| value.parse().map_err(|_| malformed(key, value, "a whole number"));
+        self.get(key).map(number).transpose()
+    }
+
+    fn truth(&self, key: &str) -> Result<Option<bool>, VolumeError> {
+        let truth = |value: &str| match value.to_ascii_lowercase().as_str() {
+            "true" | "t" | "1" => Ok(true),
+            "false" | "f" | "0" => Ok(false),
+            _ => Err(malformed(key, value, "True or False")),
+        };
+        self.get(key).map(truth).transpose()
+    }
+}
+
+/// Where the samples of a MetaImage lie.
+fn extent(path: &Path, options: &ReadOptions) -> Result<Extent, VolumeError> {
+    let fields = Fields::read(path)?;
+    let samples = sample_type(fields.required("ElementType")?)?;
+    let axes = axes(&fields, options)?;
+    let (file, first) = data_file(path, &fields)?;
+    let encoding = encoding(&fields)?;
+    let start = match fields.number::<i64>("HeaderSize")?.unwrap_or(0) {
+        0 => Start::At(first),
+        -1 if encoding == Encoding::Raw => Start::FromEnd,
+        // Counted from the start of the file that holds the samples, even where that is the header's own.
+        bytes @ 1.. => Start::At(bytes.unsigned_abs()),
+        bytes => {
+            let expected = "0 or more, or -1 with uncompressed data";
+            return Err(malformed("HeaderSize", &bytes.to_string(), expected));
+        }
+    };
+    let msb = match fields.truth("BinaryDataByteOrderMSB")? {
+        Some(msb) => msb,
+        None => fields.truth("ElementByteOrderMSB")?.unwrap_or(false),
+    };
+    Ok(Extent {
+        kind: FileKind::MetaImage,
+        file,
+        start,
+        encoding,
+        skip: 0,
+        axes,
+        samples,
+        endian: if msb { Endian::Big } else { Endian::Little },
+        scaling: Scaling::IDENTITY,
+        spacing: spacing(&fields),
+    })
+}
+
+fn axes(fields: &Fields, options: &ReadOptions) -> Result<Axes, VolumeError> {
+    let text = fields.required("DimSize")?;
+    let bad = || malformed("DimSize", text, "one whole number for each of `NDims` axes");
+    let sizes = text.split_whitespace().map(|size| size.parse().map_err(|_| bad()));
+    let sizes = sizes.collect::<Result<Vec<u64>, _>>()?;
+    let count: usize = fields.number("NDims")?.unwrap_or(sizes.len());
+    if count != sizes.len() || count > 16 {
+        return Err(bad());
+    }
+    // The channels lie beside one another within a voxel: the fastest axis of all.
+    let channels: u64 = fields.number("ElementNumberOfChannels")?.unwrap_or(1);
+    if !matches!(channels, 1 | 3 | 4) {
+        return Err(VolumeError::Unsupported {
+            what: format!("a MetaImage of {channels} channels"),
+            supported: "1 channel (grey), 3 (RGB) or 4 (RGB and alpha)".into(),
+        });
+    }
+    let mut spatial = dense(sizes);
+    spatial.reverse();
+    // Four axes of space are never colours here: those have a field of their own.
+    if spatial.len() > 3 {
+        spatial.retain(|axis| axis.length != 1);
+    }
+    if spatial.len() != 3 {
+        return Err(VolumeError::Dimensions { found: spatial.iter().map(|axis| axis.length).collect() });
+    }
+    Ok(Axes::new(&spatial, options.max_voxels)?.interleaved(channels as usize))
+}
+
+/// The file that holds the samples, and where in it they begin by default.
+fn data_file(header: &Path, fields: &Fields) -> Result<(PathBuf, u64), VolumeError> {
+    let named = fields.required("ElementDataFile")?;
+    if named.eq_ignore_ascii_case("LOCAL") {
+        return Ok((header.to_owned(), fields.length));
+    }
+    let list = named == "LIST" || named.starts_with("LIST ");
+    let pattern = named.contains('%') && named.split_whitespace().count() >= 3;
+    if list || pattern {
+        return Err(VolumeError::Unsupported {
+            what: "a MetaImage whose data lie in several files".into(),
+            supported: "one data file: write the volume again as .mha".into(),
+        });
+    }
+    Ok((decode::beside(header, Path::new(named))?, 0))
+}
+
+fn encoding(fields: &Fields) -> Result<Encoding, VolumeError> {
+    let binary = fields.truth("BinaryData")?.unwrap_or(true);
+    let compressed = fields.truth("CompressedData")?.unwrap_or(false);
+    match (binary, compressed) {
+        (true, false) => Ok(Encoding::Raw),
+        (true, true) => Ok(Encoding::Zlib),
+        (false, false) => Ok(Encoding::Text),
+        (false, true) => Err(VolumeError::Unsupported {
+            what: "a MetaImage of compressed text".into(),
+            supported: "binary, compressed binary and ascii data".into(),
+        }),
+    }
+}
+
+fn sample_type(text: &str) -> Result<SampleType, VolumeError> {
+    Ok(match text.to_ascii_uppercase().as_str() {
+        "MET_CHAR" => SampleType::I8,
+        "MET_UCHAR" => SampleType::U8,
+        "MET_SHORT" => SampleType::I16,
+        "MET_USHORT" => SampleType::U16,
+        // MetaImage's `long` has 4 bytes on every machine.
+        "MET_INT" | "MET_LONG" => SampleType::I32,
+        "MET_UINT" | "MET_ULONG" => SampleType::U32,
+        "MET_LONG_LONG" => SampleType::I64,
+        "MET_ULONG_LONG" => SampleType::U64,
+        "MET_FLOAT" => SampleType::F32,
+        "MET_DOUBLE" => SampleType::F64,
+        _ => {
+            return Err(VolumeError::Unsupported {
+                what: format!("a MetaImage of type \"{}\"", shown(text)),
+                supported: "MET_CHAR, MET_SHORT, MET_INT, MET_LONG, MET_LONG_LONG, their unsigned forms, MET_FLOAT and MET_DOUBLE".into(),
+            });
+        }
+    })
+}
+
+/// The spacing along (Z, Y, X): of the voxels, or else their size.
+fn spacing(fields: &Fields) -> Option<[f64; 3]> {
+    let text = fields.get("ElementSpacing").or_else(|| fields.get("ElementSize"))?;
+    let steps = text.split_whitespace().map(|step| step.parse().ok()).collect::<Option<Vec<f64>>>()?;
+    let [x, y, z] = *steps.first_chunk::<3>()?;
+    [x, y, z].iter().all(|step| step.is_finite() && *step > 0.0).then_some([z, y, x])
+}
+
+fn malformed(key: &str, value: &str, expected: &str) -> VolumeError {
+    VolumeError::Malformed {
+        found: format!("the field `{key}` holds \"{}\"", shown(value)),
+        expected: format!("{expected} belongs there"),
+    }
+}
+
+/// A text of the header as an error shows it.
+fn shown(text: &str) -> String {
+    text.chars().take(80).collect::<String>().escape_debug().to_string()
+}

@@ -1,0 +1,274 @@
+//! numpy arrays: `.npy`, and archives of them, `.npz`.
+//!
+//! Every integer and float type of up to 64 bits, either byte order, C or Fortran order. Truth values become 0 and 255.
+//! The array has the axes (Z, Y, X), or (Z, Y, X, 3) or (Z, Y, X, 4) for colour; axes of length 1 are left out where
+//! there are more than three. An archive must hold exactly one array of such a shape.
+//!
+//! The header is parsed here and not by a crate: it is a Python literal, and a parser of all of them can be sent into
+//! recursion or overflow by a hostile one.
+
+use std::io::{self, BufReader, ErrorKind, Read};
+use std::path::Path;
+
+use zip::ZipArchive;
+
+use super::extent::{Axes, Axis, Encoding, Extent, Start, dense};
+use super::levels::Scaling;
+use super::{Endian, FileKind, ReadOptions, SampleType, Source, Volume, VolumeError, decode};
+
+/// The longest header that is read; numpy itself refuses longer ones than 10 000.
+const LONGEST_HEADER: u32 = 1 << 16;
+
+const MAGIC: &[u8] = b"\x93NUMPY";
+
+/// Whether a file begins as an array does.
+pub(super) fn sniff(head: &[u8]) -> bool {
+    head.starts_with(MAGIC)
+}
+
+/// Whether a file begins as an archive of arrays does: a zip file whose first name ends in `.npy`.
+pub(super) fn sniff_archive(head: &[u8]) -> bool {
+    const NAME: usize = 30;
+    let name = |head: &[u8]| {
+        let length = usize::from(u16::from_le_bytes(*head.get(26..)?.first_chunk()?));
+        Some(head.get(NAME..NAME + length)?.ends_with(b".npy"))
+    };
+    head.starts_with(b"PK\x03\x04") && name(head).unwrap_or(false)
+}
+
+/// The volume in an array.
+pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
+    let array = extent(path, options)?;
+    let (volume, source) = array.extent.read(options)?;
+    Ok((array.finish(volume)?, source))
+}
+
+/// An array whose header has been read.
+struct Array {
+    extent: Extent,
+    /// Samples are truth values.
+    truth: bool,
+}
+
+impl Array {
+    /// Truth values become black and white.
+    fn finish(&self, volume: Volume) -> Result<Volume, VolumeError> {
+        if !self.truth {
+            return Ok(volume);
+        }
+        let (shape, channels) = (volume.shape(), volume.channels());
+        let mut voxels = volume.into_voxels();
+        voxels.iter_mut().for_each(|voxel| *voxel = if *voxel == 0 { 0 } else { 255 });
+        Volume::new(shape, channels, voxels)
+    }
+}
+
+/// Where the samples of an array lie.
+fn extent(path: &Path, options: &ReadOptions) -> Result<Array, VolumeError> {
+    let mut reader = BufReader::new(decode::open(path)?);
+    Header::read(&mut reader)?.array(path, FileKind::Npy, options.max_voxels)
+}
+
+/// The volume in an archive of arrays.
+pub(super) fn read_archive(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
+    let mut archive = ZipArchive::new(BufReader::new(decode::open(path)?)).map_err(damaged)?;
+    let mut names = Vec::new();
+    let mut volumes = Vec::new();
+    for index in 0..archive.len() {
+        let mut entry = archive.by_index(index).map_err(damaged)?;
+        let name = String::from_utf8_lossy(entry.name_raw()).into_owned();
+        let Some(name) = name.strip_suffix(".npy") else { continue };
+        let header = Header::read(&mut entry)?;
+        names.push(format!("{} of shape {:?}", name.escape_debug(), header.shape));
+        // Whatever its size: an array too large is still the one that is meant.
+        if header.array(path, FileKind::Npz, u64::MAX).is_ok() {
+            volumes.push((index, header));
+        }
+    }
+    let [(index, header)] = volumes.as_slice() else { return Err(not_one(&names, volumes.len())) };
+    let array = header.array(path, FileKind::Npz, options.max_voxels)?;
+    let mut entry = archive.by_index(*index).map_err(damaged)?;
+    Header::read(&mut entry)?;
+    let (volume, source) = array.extent.read_from(entry, options)?;
+    Ok((array.finish(volume)?, source))
+}
+
+fn damaged(source: zip::result::ZipError) -> VolumeError {
+    VolumeError::Decode { what: "the zip archive".into(), source: Box::new(source) }
+}
+
+fn not_one(names: &[String], volumes: usize) -> VolumeError {
+    const SHOWN: usize = 8;
+    let mut list = names.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
+    if names.len() > SHOWN {
+        list += &format!(" and {} more", names.len() - SHOWN);
+    }
+    VolumeError::Malformed {
+        found: format!("the archive holds {volumes} arrays that could be a volume ({list})"),
+        expected: "one is read from a file: save the volume by itself as .npy".into(),
+    }
+}
+
+/// The header of an array.
+struct Header {
+    /// The type as the file writes it.
+    descr: String,
+    fortran_order: bool,
+    shape: Vec<u64>,
+    /// Bytes of the header, its magic included.
+    length: u64,
+}
+
+impl Header {
+    /// The header at the start of a stream, which is left at the first sample.
+    fn read(reader: &mut impl Read) -> Result<Self, VolumeError> {
+        let ended = |source: io::Error| match source.kind() {
+            ErrorKind::UnexpectedEof => VolumeError::Malformed {
+                found: "the file ends within the header of the array".into(),
+                expected: "samples should follow it: the file is truncated, fetch or write it again".into(),
+            },
+            _ => VolumeError::Io { doing: "reading the header of the array", source },
+        };
+        let mut start = [0; 8];
+        reader.read_exact(&mut start).map_err(ended)?;
+        let [magic @ .., major, _] = &start;
+        if magic != MAGIC {
+            return Err(VolumeError::Malformed {
+                found: format!("the array begins with \"{}\"", magic.escape_ascii()),
+                expected: "a numpy array begins with \"\\x93NUMPY\"".into(),
+            });
+        }
+        let mut length = [0; 4];
+        let width = if *major == 1 { 2 } else { 4 };
+        reader.read_exact(&mut length[..width]).map_err(ended)?;
+        let bytes = u32::from_le_bytes(length);
+        if !(1..=3).contains(major) || bytes > LONGEST_HEADER {
+            return Err(VolumeError::Unsupported {
+                what: format!("a numpy array of format version {major} with a header of {bytes} bytes"),
+                supported: format!("versions 1 to 3 with headers of up to {LONGEST_HEADER} bytes"),
+            });
+        }
+        let mut text = vec![0; bytes as usize];
+        reader.read_exact(&mut text).map_err(ended)?;
+        let text = String::from_utf8_lossy(&text);
+        let length = start.len() as u64 + width as u64 + u64::from(bytes);
+        Self::parse(&text, length).ok_or_else(|| VolumeError::Malformed {
+            found: format!("the header of the array is \"{}\"", text.trim().escape_debug()),
+            expected: "it should be a dictionary of 'descr', 'fortran_order' and 'shape'".into(),
+        })
+    }
+
+    /// From `{'descr': '<f4', 'fortran_order': False, 'shape': (64, 64, 64), }`.
+    fn parse(text: &str, length: u64) -> Option<Self> {
+        let mut rest = text.trim().strip_prefix('{')?.strip_suffix('}')?.trim();
+        let (mut descr, mut fortran_order, mut shape) = (None, None, None);
+        while !rest.is_empty() {
+            let (key, after) = rest.split_once(':')?;
+            let end = end_of_value(after);
+            let value = after.get(..end)?.trim();
+            match unquoted(key.trim())? {
+                "descr" => descr = Some(unquoted(value).unwrap_or(value).to_owned()),
+                "fortran_order" => fortran_order = Some(truth(value)?),
+                "shape" => shape = Some(lengths(value)?),
+                _ => {}
+            }
+            rest = after.get(end..)?.trim_start_matches(',').trim();
+        }
+        Some(Self { descr: descr?, fortran_order: fortran_order?, shape: shape?, length })
+    }
+
+    fn array(&self, path: &Path, kind: FileKind, limit: u64) -> Result<Array, VolumeError> {
+        let (samples, endian, truth) = self.samples()?;
+        let extent = Extent {
+            kind,
+            file: path.into(),
+            start: Start::At(self.length),
+            encoding: Encoding::Raw,
+            skip: 0,
+            axes: Axes::new(&self.axes(), limit)?,
+            samples,
+            endian,
+            scaling: Scaling::IDENTITY,
+            spacing: None,
+        };
+        Ok(Array { extent, truth })
+    }
+
+    fn axes(&self) -> Vec<Axis> {
+        if self.fortran_order {
+            return dense(self.shape.iter().copied());
+        }
+        let mut axes = dense(self.shape.iter().rev().copied());
+        axes.reverse();
+        axes
+    }
+
+    /// The type and byte order of the samples, and whether they are truth values.
+    fn samples(&self) -> Result<(SampleType, Endian, bool), VolumeError> {
+        let unsupported = || VolumeError::Unsupported {
+            what: format!("an array of type {}", self.descr.escape_debug()),
+            supported: "bool, i1 to i8, u1 to u8, f2, f4 and f8".into(),
+        };
+        let (endian, code) = match self.descr.split_at_checked(1) {
+            Some(("<", code)) => (Endian::Little, code),
+            Some((">", code)) => (Endian::Big, code),
+            Some(("|" | "=", code)) => (Endian::NATIVE, code),
+            _ => return Err(unsupported()),
+        };
+        let ty = match code {
+            "b1" | "u1" => SampleType::U8,
+            "i1" => SampleType::I8,
+            "u2" => SampleType::U16,
+            "i2" => SampleType::I16,
+            "u4" => SampleType::U32,
+            "i4" => SampleType::I32,
+            "u8" => SampleType::U64,
+            "i8" => SampleType::I64,
+            "f2" => SampleType::F16,
+            "f4" => SampleType::F32,
+            "f8" => SampleType::F64,
+            _ => return Err(unsupported()),
+        };
+        Ok((ty, endian, code == "b1"))
+    }
+}
+
+/// Where a value ends: at the first comma that is in no brackets and no quotes, or with the text.
+fn end_of_value(text: &str) -> usize {
+    let (mut depth, mut quote) = (0_usize, None);
+    for (index, byte) in text.bytes().enumerate() {
+        match (byte, quote) {
+            (_, Some(open)) if byte == open => quote = None,
+            (_, Some(_)) => {}
+            (b'\'' | b'"', None) => quote = Some(byte),
+            (b'(' | b'[' | b'{', None) => depth += 1,
+            (b')' | b']' | b'}', None) => depth = depth.saturating_sub(1),
+            (b',', None) if depth == 0 => return index,
+            _ => {}
+        }
+    }
+    text.len()
+}
+
+fn unquoted(text: &str) -> Option<&str> {
+    let between = |quote| text.strip_prefix(quote)?.strip_suffix(quote);
+    between('\'').or_else(|| between('"'))
+}
+
+fn truth(text: &str) -> Option<bool> {
+    match text {
+        "True" => Some(true),
+        "False" => Some(false),
+        _ => None,
+    }
+}
+
+/// The numbers of a tuple; old writers end them with `L`.
+fn lengths(text: &str) -> Option<Vec<u64>> {
+    let inner = text.strip_prefix('(')?.strip_suffix(')')?.trim();
+    let inner = inner.strip_suffix(',').unwrap_or(inner);
+    if inner.is_empty() {
+        return Some(Vec::new());
+    }
+    inner.split(',').map(|number| number.trim().trim_end_matches('L').parse().ok()).collect()
+}
