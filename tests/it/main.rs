@@ -5,5 +5,5 @@
 
 mod reference_sums;
 mod support;
-mod volume_pictures;
 mod volume_formats;
+mod volume_pictures;

@@ -2,13 +2,13 @@
 
 use std::convert::Infallible;
 
+use embedded_graphics::Drawable;
 use embedded_graphics::Pixel;
 use embedded_graphics::draw_target::DrawTarget;
 use embedded_graphics::geometry::{OriginDimensions, Point, Size};
 use embedded_graphics::mono_font::MonoTextStyle;
 use embedded_graphics::pixelcolor::{Rgb888, RgbColor};
 use embedded_graphics::text::{Baseline, Text};
-use embedded_graphics::Drawable;
 use image::{Rgb, RgbImage};
 
 use super::Ground;
@@ -20,6 +20,8 @@ pub(super) struct Colours {
     ground: [u8; 3],
     panel: [u8; 3],
     edge: [u8; 3],
+    /// Between slices: no grey of a texture, and visible beside black and white.
+    pub(super) seam: [u8; 3],
     text: [u8; 3],
     /// Text of less weight.
     aside: [u8; 3],
@@ -35,6 +37,7 @@ impl Colours {
                 ground: [0xeb; 3],
                 panel: [0xfb; 3],
                 edge: [0xcf; 3],
+                seam: [0x8a, 0x9b, 0xb0],
                 text: [0x1c; 3],
                 aside: [0x5a; 3],
                 accent: [0x0b, 0x5c, 0xad],
@@ -44,6 +47,7 @@ impl Colours {
                 ground: [0x1b; 3],
                 panel: [0x28; 3],
                 edge: [0x42; 3],
+                seam: [0x5c, 0x6e, 0x86],
                 text: [0xf0; 3],
                 aside: [0xb0; 3],
                 accent: [0xf2, 0xa9, 0x3b],
@@ -59,7 +63,7 @@ const FRAME: u32 = 4;
 /// A picture under way.
 pub(super) struct Canvas {
     image: RgbImage,
-    colours: Colours,
+    pub(super) colours: Colours,
 }
 
 impl Canvas {

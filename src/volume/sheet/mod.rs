@@ -35,14 +35,15 @@ const GAP: u32 = 12;
 const PADDING: u32 = 10;
 
 /// The smallest inner width of a panel, so that a short name can be read below tiny slices.
-const NARROWEST: u32 = 96;
+const NARROWEST: u32 = 160;
 
-/// Smaller slices show nothing; larger ones would fill a sheet with one.
-const SMALLEST_SLICE: u32 = 8;
-const LARGEST_SLICE: u32 = 4096;
-
-/// More slices than this no sheet holds.
+/// What a layout may ask for: smaller slices show nothing, larger ones or more of them no sheet holds.
+const SLICE_PIXELS: std::ops::RangeInclusive<u32> = 8..=4096;
 const MOST_SLICES: usize = 1 << 16;
+
+/// Down to what slices are made smaller and fewer, for the sake of more panels.
+const ENOUGH_PIXELS: u32 = 16;
+const ENOUGH_SLICES: usize = 16;
 
 /// Width by height that a sheet comes as near to as its panels allow.
 const ASPECT: f64 = 1.4;
@@ -198,15 +199,14 @@ pub fn draw(panels: &[Panel<'_>], layout: &Layout) -> RgbImage {
     canvas.into_image()
 }
 
-/// The sheet of one volume, and a line below its caption that says which slices are shown and how large.
+/// The sheet of one volume; two lines below its caption say how large it is, and which slices are shown and how large.
 pub fn draw_one(panel: &Panel<'_>, layout: &Layout) -> RgbImage {
     let [z, y, x] = panel.volume.shape();
     let mut panel = panel.clone();
-    panel.caption.push(String::new());
-    let plan = Plan::new(std::slice::from_ref(&panel), layout);
-    let mosaic = plan.mosaic(&panel, layout);
+    panel.caption.extend([format!("{z} x {y} x {x} voxels"), String::new()]);
+    let mosaic = Plan::new(std::slice::from_ref(&panel), layout).mosaic(&panel, layout);
     panel.caption.pop();
-    panel.caption.push(format!("{z} x {y} x {x}, {mosaic}"));
+    panel.caption.push(mosaic.to_string());
     draw(&[panel], layout)
 }
 
@@ -252,17 +252,17 @@ struct Plan {
 
 impl Plan {
     fn new(panels: &[Panel<'_>], layout: &Layout) -> Self {
-        let mut slice_pixels = layout.slice_pixels.clamp(SMALLEST_SLICE, LARGEST_SLICE);
+        let mut slice_pixels = layout.slice_pixels.clamp(*SLICE_PIXELS.start(), *SLICE_PIXELS.end());
         let mut slices = layout.slices.clamp(1, MOST_SLICES);
         loop {
             let plan = Self::of(panels, panels.len(), layout, slice_pixels, slices);
             if plan.pixels() <= MOST_PIXELS {
                 return plan;
             }
-            if slice_pixels > SMALLEST_SLICE {
-                slice_pixels = (slice_pixels / 2).max(SMALLEST_SLICE);
-            } else if slices > 1 {
-                slices /= 2;
+            if slice_pixels > ENOUGH_PIXELS {
+                slice_pixels = (slice_pixels / 2).max(ENOUGH_PIXELS);
+            } else if slices > ENOUGH_SLICES {
+                slices = (slices / 2).max(ENOUGH_SLICES);
             } else {
                 return Self::of_some(panels, layout, slice_pixels, slices);
             }
@@ -280,9 +280,9 @@ impl Plan {
     }
 
     fn of(panels: &[Panel<'_>], shown: usize, layout: &Layout, slice_pixels: u32, slices: usize) -> Self {
-        let mosaics = panels.iter().map(|panel| {
-            Mosaic::new(panel.volume, layout.axis, slices, layout.columns, slice_pixels).size()
-        });
+        let mosaics = panels
+            .iter()
+            .map(|panel| Mosaic::new(panel.volume, layout.axis, slices, layout.columns, slice_pixels).size());
         let inner = mosaics.fold((NARROWEST, 1), |(width, height), size| (width.max(size.0), height.max(size.1)));
         let face = Face::for_width(inner.0);
         let lines = panels.iter().map(|panel| panel.caption.len()).max().unwrap_or(0) as u32;
@@ -343,10 +343,14 @@ impl Plan {
         canvas.frame((left, top), (width, height), query);
         let mosaic = self.mosaic(panel, layout);
         let aside = (self.inner.0 - mosaic.size().0) / 2;
-        mosaic.draw(panel.volume, |x, y, colour| canvas.pixel(left + PADDING + aside + x, top + PADDING + y, colour));
+        let seam = canvas.colours.seam;
+        mosaic.draw(panel.volume, seam, |x, y, colour| {
+            canvas.pixel(left + PADDING + aside + x, top + PADDING + y, colour)
+        });
         let mut line = top + 2 * PADDING + self.inner.1;
         for (number, text) in panel.caption.iter().enumerate() {
-            let label = if query && number == 0 { canvas.label("QUERY", (left + width - PADDING, line), self.face) } else { 0 };
+            let label =
+                if query && number == 0 { canvas.label("QUERY", (left + width - PADDING, line), self.face) } else { 0 };
             let face = if number == 0 { self.face.bold() } else { self.face };
             canvas.text(text, (left + PADDING, line), face, self.inner.0.saturating_sub(label), number > 0);
             line += self.face.line();

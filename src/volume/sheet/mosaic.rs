@@ -5,7 +5,7 @@ use std::fmt;
 use super::super::Volume;
 use super::Axis;
 
-/// Pixels between slices.
+/// Pixels around every slice; neighbours share theirs.
 const SEAM: u32 = 1;
 
 /// Which slices of a volume are shown, and how.
@@ -35,7 +35,8 @@ impl Mosaic {
         let count = length.clamp(1, slices.max(1));
         let (longest, pixels) = (voxels[0].max(voxels[1]), pixels.max(1));
         let enlarge = u32::try_from(longest).map_or(1, |longest| (pixels / longest).max(1));
-        let columns = count.clamp(1, columns.max(1)) as u32;
+        // As many rows as needed, of lengths as equal as they can be.
+        let columns = count.div_ceil(count.div_ceil(columns.max(1))) as u32;
         Self { axis, length, count, columns, voxels, shrink: longest.div_ceil(pixels as usize), enlarge }
     }
 
@@ -49,16 +50,22 @@ impl Mosaic {
     pub(super) fn size(&self) -> (u32, u32) {
         let (width, height) = self.slice();
         let rows = (self.count as u32).div_ceil(self.columns);
-        let side = |count: u32, one: u32| count.saturating_mul(one.saturating_add(SEAM)).saturating_sub(SEAM);
+        let side = |count: u32, one: u32| count.saturating_mul(one.saturating_add(SEAM)).saturating_add(SEAM);
         (side(self.columns, width), side(rows, height))
     }
 
-    /// Calls `pixel` with x, y and the colour of every pixel of every slice.
-    pub(super) fn draw(&self, volume: &Volume, mut pixel: impl FnMut(u32, u32, [u8; 3])) {
+    /// Calls `pixel` with x, y and the colour of every pixel of every slice and, in the colour given, around it.
+    pub(super) fn draw(&self, volume: &Volume, seam: [u8; 3], mut pixel: impl FnMut(u32, u32, [u8; 3])) {
         let (width, height) = self.slice();
         for number in 0..self.count {
             let (column, row) = (number as u32 % self.columns, number as u32 / self.columns);
             let (left, top) = (column * (width + SEAM), row * (height + SEAM));
+            for y in 0..height + 2 * SEAM {
+                for x in 0..width + 2 * SEAM {
+                    pixel(left + x, top + y, seam);
+                }
+            }
+            let (left, top) = (left + SEAM, top + SEAM);
             let place = self.place(number);
             for y in 0..height / self.enlarge {
                 for x in 0..width / self.enlarge {
@@ -111,7 +118,7 @@ impl fmt::Display for Mosaic {
         if self.count < self.length {
             write!(f, "{} of {} slices across {}", self.count, self.length, self.axis)?;
         } else {
-            write!(f, "all {} slices across {}", self.count, self.axis)?;
+            write!(f, "{} slices across {}", self.count, self.axis)?;
         }
         write!(f, ", shown at {}:{}", self.enlarge, self.shrink)
     }

@@ -20,12 +20,8 @@ struct Packing {
     big: bool,
 }
 
-const COMPRESSIONS: [Compression; 4] = [
-    Compression::Uncompressed,
-    Compression::Lzw,
-    Compression::Deflate(DeflateLevel::Balanced),
-    Compression::Packbits,
-];
+const COMPRESSIONS: [Compression; 4] =
+    [Compression::Uncompressed, Compression::Lzw, Compression::Deflate(DeflateLevel::Balanced), Compression::Packbits];
 
 fn packing() -> impl Strategy<Value = Packing> {
     (0..COMPRESSIONS.len(), any::<bool>(), 1..8_u32, any::<bool>())
@@ -197,7 +193,9 @@ fn combinations_that_the_decoder_does_not_survive_are_refused() {
     let mut odd = page(3, 3);
     odd.extend([(317, 3), (339, 3)]);
     assert!(sentence(&directory(&odd, 0)).contains("8-bit floating point"));
-    for (tag, value, word) in [(262, 5, "CMYK"), (258, 12, "12-bit"), (259, 7, "JPEG"), (317, 2, "2 axes"), (277, 2, "2 samples")] {
+    for (tag, value, word) in
+        [(262, 5, "CMYK"), (258, 12, "12-bit"), (259, 7, "JPEG"), (317, 2, "2 axes"), (277, 2, "2 samples")]
+    {
         let mut tags = page(3, 3);
         tags.retain(|&(other, _)| other != tag);
         tags.push((tag, value));
