@@ -46,10 +46,7 @@ mod progress;
 mod query;
 pub mod recipes;
 pub mod space;
-#[path = "../migrations/mod.rs"]
-pub mod migrations;
 pub mod store;
-pub mod space;
 pub mod synth;
 pub mod volume;
 

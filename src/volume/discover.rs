@@ -15,7 +15,7 @@ const VOLUMES: &[&str] =
     &[".npy", ".npz", ".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz", ".hdr", ".hdr.gz", ".tif", ".tiff", ".vox"];
 
 /// The ends of the names of bare samples, which are volumes only where the caller knows their layout.
-const RAW: &[&str] = &[".raw", ".bin", ".dat", ".img", ".vol"];
+const RAW: &[&str] = &[".raw", ".bin", ".dat"];
 
 /// The ends of the names of headers whose samples are in a file of the same name beside them.
 const DETACHED: &[&str] = &["mhd", "nhdr", "hdr"];
@@ -26,8 +26,8 @@ const DETACHED: &[&str] = &["mhd", "nhdr", "hdr"];
 /// followed:
 /// - a folder that itself holds three slices or more (PNG, JPEG, single-page TIFF) is one volume, yielded as that folder
 ///   before what else is in it;
-/// - files with the name of a volume are yielded; where `raw` is set, bare samples too (`.raw`, `.bin`, `.dat`, `.img`,
-///   `.vol`), except those that a detached header of the same name describes;
+/// - files with the name of a volume are yielded; where `raw` is set, bare samples too (`.raw`, `.bin`, `.dat`),
+///   except those that a detached header of the same name describes;
 /// - hidden files and folders, and all other files, are passed over (a trace event tells).
 ///
 /// What cannot be looked at is an error in its place, once, and the walk goes on: a missing path, a folder that may not be

@@ -21,6 +21,7 @@ mod picture;
 mod raw;
 mod read;
 mod samples;
+pub mod sheet;
 mod slices;
 mod source;
 #[cfg(test)]

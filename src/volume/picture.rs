@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::samples::within_limit;
 use super::{SampleType, VolumeError};
 
 /// No packing that is read (deflate, LZW, PackBits, JPEG) makes more of a byte than this.
@@ -30,8 +31,7 @@ impl Format {
 
     /// Checks that `slices` of this format have no more voxels than the limit.
     pub(super) fn within(&self, slices: u64, limit: u64) -> Result<(), VolumeError> {
-        let voxels = u128::from(slices) * self.pixels();
-        if voxels > u128::from(limit) { Err(VolumeError::TooLarge { voxels, limit }) } else { Ok(()) }
+        within_limit([slices.into(), self.height as u128, self.width as u128], limit).map(drop)
     }
 }
 

@@ -3,16 +3,14 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::{
-    FileKind, ReadError, ReadOptions, Source, Volume, VolumeError, decode, metaimage, nifti, npy, nrrd, raw, slices,
-    tiff, vox,
-};
+use super::{FileKind, ReadError, ReadOptions, Source, Volume, VolumeError};
+use super::{decode, metaimage, nifti, npy, nrrd, raw, slices, tiff, vox};
 
 /// The bytes from the start of a file by which its kind is told.
 const HEAD: u64 = 4096;
 
 /// The kinds that [`read`] knows, as an error names them.
-const KNOWN: &str = "npy, npz, NRRD, MetaImage, NIfTI, TIFF, folders of PNG, JPEG or TIFF slices, MagicaVoxel vox";
+const KNOWN: &str = "npy, npz, NRRD, MetaImage, NIfTI, TIFF, MagicaVoxel, and folders of PNG, JPEG or TIFF slices";
 
 /// One kind of file: how it is told and how it is read.
 struct Reader {

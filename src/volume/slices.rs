@@ -8,7 +8,7 @@
 //! Grey, grey with alpha, RGB and RGBA of 8 or 16 bits are read, the alpha dropped; palette PNG becomes RGB, PNG of 1, 2
 //! or 4 bits becomes 8-bit grey. Samples of 16 bits go through the intensity rule, over the whole stack.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ use image::{ColorType, ImageDecoder, ImageReader};
 use super::picture::{Format, credible};
 use super::samples::{Endian, SampleType, Samples};
 use super::tiff::{self, SinglePage};
-use super::{FileKind, MIN_SIDE, ReadOptions, Source, Volume, VolumeError, natural_cmp};
+use super::{FileKind, MIN_SIDE, ReadOptions, Source, Volume, VolumeError, decode, natural_cmp};
 
 /// Ends of the names of pictures that have one page by their nature.
 const PICTURES: &[&str] = &["png", "jpg", "jpeg"];
@@ -101,7 +101,7 @@ impl Slice {
     }
 
     fn open_picture(path: &Path) -> Result<Self, VolumeError> {
-        let file = File::open(path).map_err(|error| undecodable(path, error))?;
+        let file = decode::open(path).map_err(|error| undecodable(path, error))?;
         let length = file.metadata().map_err(|error| undecodable(path, error))?.len();
         // The reader's own limits (512 MiB beside the pixels) stand.
         let reader = ImageReader::new(BufReader::new(file)).with_guessed_format();

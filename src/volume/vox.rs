@@ -10,13 +10,12 @@
 //! The models are taken apart by the `dot_vox` crate, which descends into nested chunks as deep as a file says. So the
 //! chunks are checked first, and it is given a copy that holds only those of one model: sizes, voxels, and palette.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use dot_vox::{DotVoxData, Model};
 
-use super::{FileKind, ReadOptions, SampleType, Source, Volume, VolumeError};
+use super::{FileKind, ReadOptions, SampleType, Source, Volume, VolumeError, decode};
 
 /// Coordinates are bytes.
 const LONGEST_SIDE: u32 = 256;
@@ -33,7 +32,7 @@ pub(super) fn sniff(head: &[u8]) -> bool {
 pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
     let io = |source| VolumeError::Io { doing: "reading the model", source };
     let mut bytes = Vec::new();
-    File::open(path).map_err(io)?.take(LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(io)?;
+    decode::open(path)?.take(LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(io)?;
     if bytes.len() as u64 > LARGEST_FILE {
         return Err(malformed("the .vox file is larger than a model of 256^3 voxels can make it".into()));
     }

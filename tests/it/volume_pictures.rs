@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use proptest::prelude::*;
+
 use hlacdb::volume::{self, FileKind, Intensity, ReadOptions, SampleType, Source, Volume, discover};
 
 use crate::support::shared;
@@ -283,4 +285,50 @@ fn the_saucer_is_read_in_colour() {
     let filled = volume.voxels().as_chunks::<3>().0.iter().filter(|&&colour| colour != [0; 3]).count();
     // Counted in Python: the model is 48 wide, 48 deep and 18 high.
     assert_eq!((volume.shape(), filled), ([18, 48, 48], 34_392));
+}
+
+/// The fixtures that are files, and one slice of every folder.
+fn all_files() -> Vec<PathBuf> {
+    let entries = |folder: &Path| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect::<Vec<_>>();
+    let mut files: Vec<PathBuf> = entries(&fixture(""))
+        .into_iter()
+        .flat_map(|path| if path.is_dir() { entries(&path).into_iter().take(1).collect() } else { vec![path] })
+        .filter(|path| path.extension().is_some_and(|ending| ending != "py"))
+        .collect();
+    files.sort();
+    files
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// Any damage gives a volume or a sentence: a file by itself, a picture as one of three slices.
+    #[test]
+    fn damaged_pictures_never_panic(
+        file in prop::sample::select(all_files()),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+        cut in prop::option::weighted(0.2, any::<prop::sample::Index>()),
+    ) {
+        let whole = fs::read(&file).unwrap();
+        let mut bytes = whole.clone();
+        for (place, byte) in changes {
+            // Most of what can go wrong is near the beginning.
+            let place = place.index(bytes.len().min(400));
+            bytes[place] = byte;
+        }
+        bytes.truncate(cut.map_or(bytes.len(), |cut| cut.index(bytes.len())));
+        let folder = tempfile::tempdir().unwrap();
+        let damaged = folder.path().join("2").with_extension(file.extension().unwrap());
+        fs::write(&damaged, &bytes).unwrap();
+        for other in ["1", "3"] {
+            fs::write(folder.path().join(other).with_extension(file.extension().unwrap()), &whole).unwrap();
+        }
+        let options = ReadOptions { max_voxels: 1 << 22, ..ReadOptions::default() };
+        for path in [damaged.as_path(), folder.path()] {
+            if let Err(error) = volume::read(path, &options) {
+                prop_assert!(error.to_string().len() > 20);
+            }
+        }
+        prop_assert!(discover(folder.path(), false).all(|item| item.is_ok()));
+    }
 }

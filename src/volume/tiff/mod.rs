@@ -29,7 +29,7 @@ use self::imagej::Description;
 use self::page::{DESCRIPTION, Page, STRIP_BYTES, STRIP_OFFSETS, X_RESOLUTION, Y_RESOLUTION};
 use super::picture::Format;
 use super::samples::{Endian, Samples};
-use super::{FileKind, ReadOptions, Source, Volume, VolumeError};
+use super::{FileKind, ReadOptions, Source, Volume, VolumeError, decode};
 
 /// Whether a file that begins so is a TIFF file.
 pub(super) fn sniff(head: &[u8]) -> bool {
@@ -79,8 +79,7 @@ impl SinglePage {
 }
 
 fn open(path: &Path) -> Result<BufReader<File>, VolumeError> {
-    let file = File::open(path).map_err(|source| VolumeError::Io { doing: "opening the file", source })?;
-    Ok(BufReader::new(file))
+    Ok(BufReader::new(decode::open(path)?))
 }
 
 fn read_from(reader: &mut (impl Read + Seek), options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
@@ -311,3 +310,6 @@ fn rewind(reader: &mut impl Seek, offset: u64) -> Result<(), VolumeError> {
 fn undecodable(index: usize, error: ::tiff::TiffError) -> VolumeError {
     VolumeError::Decode { what: format!("page {} of the TIFF", index + 1), source: Box::new(error) }
 }
+
+#[cfg(test)]
+mod tests;
