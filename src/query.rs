@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::database::{Database, SpaceState, known_moments, tagged_with_all};
+use crate::database::{DEFAULT_SPACE, Database, SpaceState, known_moments, tagged_with_all};
 use crate::error::Error;
 use crate::hlac::{self, MASK_COUNT, View};
 use crate::index::{Allowed, Method, Question};
@@ -158,9 +158,7 @@ impl Database {
     /// none of the views that the space looks at, and whatever reading the store gives. An empty store has no hits: that
     /// is no error.
     pub fn query(&self, query: &Query<'_>) -> Result<Answer, Error> {
-        let snapshot = self.store().read()?;
-        let asked = Asked::new(self, snapshot, query, 1)?;
-        asked.answer(query)
+        Asked::new(self, query, 1)?.answer(query)
     }
 
     /// Many queries at once, in parallel; answers in the order of the queries.
@@ -168,12 +166,11 @@ impl Database {
     /// # Errors
     /// As [`Database::query`]: the first that fails.
     pub fn query_all(&self, queries: &[Query<'_>]) -> Result<Vec<Answer>, Error> {
-        let snapshot = self.store().read()?;
         // Queries of one call mostly share space and index: those are made once, before the threads begin.
-        for query in queries.iter().take(1) {
-            Asked::new(self, snapshot.clone(), query, queries.len() as u64)?;
+        if let Some(query) = queries.first() {
+            Asked::new(self, query, queries.len() as u64)?;
         }
-        queries.par_iter().map(|query| Asked::new(self, snapshot.clone(), query, 0)?.answer(query)).collect()
+        queries.par_iter().map(|query| Asked::new(self, query, 0)?.answer(query)).collect()
     }
 }
 
@@ -185,17 +182,23 @@ struct Asked {
 }
 
 impl Asked {
-    fn new(database: &Database, snapshot: Snapshot, query: &Query<'_>, questions: u64) -> Result<Self, Error> {
+    fn new(database: &Database, query: &Query<'_>, questions: u64) -> Result<Self, Error> {
         if query.k == 0 {
             return Err(Error::ZeroK);
         }
-        if let Some(found) = query.within.filter(|distance| !(*distance >= 0.0)) {
+        if let Some(found) = query.within.filter(|distance| distance.is_nan() || *distance < 0.0) {
             return Err(Error::BadDistance { found });
         }
-        let space = query.space.as_deref().unwrap_or(crate::database::DEFAULT_SPACE).to_owned();
-        let state = database.state(&snapshot, &space)?;
-        let state = database.with_tree(state, &space, query.index, questions);
-        Ok(Self { snapshot, space, state })
+        let space = query.space.as_deref().unwrap_or(DEFAULT_SPACE).to_owned();
+        loop {
+            let snapshot = database.store().read()?;
+            let state = database.state(&snapshot, &space)?;
+            // Another thread may have seen a later commit in between: names and distances must be of one state.
+            if state.revision() == snapshot.revision() {
+                let state = database.with_tree(state, &space, query.index, questions);
+                return Ok(Self { snapshot, space, state });
+            }
+        }
     }
 
     fn answer(&self, query: &Query<'_>) -> Result<Answer, Error> {

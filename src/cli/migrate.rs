@@ -1,11 +1,69 @@
 //! `hlacdb migrate`.
-use super::{Context, Failure, Outcome};
+
+use std::io::Write;
+use std::path::PathBuf;
+
 use clap::Args;
+use hlacdb::migrations::{MigrateOptions, migrate};
+use hlacdb::volume::display_path;
+
+use super::{Context, Failure, Outcome};
+
 /// Bring a store of an older format to this version's
+///
+/// A copy of the store is kept beside it, unless --no-backup. A store that is current is left alone.
 #[derive(Args)]
-pub(crate) struct Migrate;
+#[command(after_help = "Examples:
+  hlacdb migrate --check       only say what would be done
+  hlacdb migrate")]
+pub(crate) struct Migrate {
+    /// Only say what would be done
+    #[arg(long)]
+    check: bool,
+
+    /// Keep no copy of the store as it was
+    #[arg(long)]
+    no_backup: bool,
+}
+
 impl Migrate {
-    pub(crate) fn run(self, _context: &mut Context) -> Result<Outcome, Failure> {
+    pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        if !context.store.exists() {
+            return Err(hlacdb::Error::NoStore { path: context.store.clone() }.into());
+        }
+        // A store that is current is not copied: the backup is named only once it is known that hops will be run.
+        let plan = migrate(&context.store, &MigrateOptions { check_only: true, backup: None })?;
+        let report = if self.check || plan.hops.is_empty() {
+            plan
+        } else {
+            let backup = (!self.no_backup).then(|| backup_name(context, plan.from));
+            migrate(&context.store, &MigrateOptions { check_only: false, backup })?
+        };
+        let backup = report.backup.as_deref().map(display_path);
+        if context.json {
+            let (from, to, hops) = (report.from, report.to, &report.hops);
+            context.print_json(&serde_json::json!({ "from": from, "to": to, "hops": hops, "backup": backup }))?;
+            return Ok(Outcome::Done);
+        }
+        if report.hops.is_empty() {
+            writeln!(context.out(), "format {}: current", report.from)?;
+            return Ok(Outcome::Done);
+        }
+        let verb = if self.check { "would be migrated" } else { "migrated" };
+        writeln!(context.out(), "{verb} from format {} to {}", report.from, report.to)?;
+        for (version, hop) in (report.from..).zip(&report.hops) {
+            writeln!(context.out(), "  {version} to {}: {hop}", version + 1)?;
+        }
+        if let Some(backup) = backup {
+            writeln!(context.out(), "the store as it was: {backup}")?;
+        }
         Ok(Outcome::Done)
     }
+}
+
+/// `STORE.format-N.backup`, beside the store.
+fn backup_name(context: &Context, version: u32) -> PathBuf {
+    let mut name = context.store.clone().into_os_string();
+    name.push(format!(".format-{version}.backup"));
+    name.into()
 }

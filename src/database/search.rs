@@ -53,6 +53,11 @@ impl SpaceStates {
 }
 
 impl SpaceState {
+    /// The revision of the store whose points these are.
+    pub(crate) fn revision(&self) -> u64 {
+        self.revision
+    }
+
     /// The metric of the space.
     pub(crate) fn metric(&self) -> Metric {
         metric(&self.space)

@@ -70,7 +70,7 @@ pub(super) fn last_fit(state: &impl Reads) -> Result<(u64, u64), Error> {
 
 /// What is known of textures before a store has any.
 fn prior() -> &'static Prior {
-    static PRIOR: LazyLock<Prior> = LazyLock::new(Prior::none);
+    static PRIOR: LazyLock<Prior> = LazyLock::new(Prior::shipped);
     &PRIOR
 }
 

@@ -1,6 +1,7 @@
 //! The database against a plain in-memory model, under random histories.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use hlacdb::index::Method;
 use hlacdb::volume::Volume;
@@ -34,7 +35,8 @@ fn step() -> impl Strategy<Value = Step> {
 /// Texture number `n`: small, and different from the others.
 fn texture(n: u8) -> Volume {
     let n = usize::from(n);
-    Volume::from_fn([9, 8 + n % 3, 9], |z, y, x| ((z * (n + 1) + y * (n / 3 + 2) + x * 5) * 13 % (50 + n * 7)) as u8).unwrap()
+    Volume::from_fn([9, 8 + n % 3, 9], |z, y, x| ((z * (n + 1) + y * (n / 3 + 2) + x * 5) * 13 % (50 + n * 7)) as u8)
+        .unwrap()
 }
 
 /// What the model knows of a texture.
@@ -196,8 +198,7 @@ fn what_was_removed_leaves_no_trace_in_the_statistics() {
         plain.add(&texture(n), Meta::named("t")).unwrap();
         visited.add(&texture(n), Meta::named("t")).unwrap();
     }
-    let guests: Vec<u64> =
-        (10..14).map(|n| visited.add(&texture(n), Meta::named("guest")).unwrap().id()).collect();
+    let guests: Vec<u64> = (10..14).map(|n| visited.add(&texture(n), Meta::named("guest")).unwrap().id()).collect();
     visited.remove(&guests).unwrap();
     assert_eq!(plain.covariance().unwrap(), visited.covariance().unwrap());
     let of = |database: &Database| database.statistics().unwrap().statistics;
@@ -217,16 +218,18 @@ fn queries_beside_an_ingest_see_whole_states() {
     let folder = tempfile::tempdir().unwrap();
     let database = Database::open(folder.path().join("t")).unwrap();
     database.add(&texture(0), Meta::named("first")).unwrap();
+    let done = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let adding = scope.spawn(|| {
+        scope.spawn(|| {
             for n in 1..16 {
                 database.add(&texture(n), Meta::named("t")).unwrap();
             }
+            done.store(true, Ordering::SeqCst);
         });
         for _ in 0..2 {
             scope.spawn(|| {
                 let mut seen = 0;
-                while !adding.is_finished() {
+                while !done.load(Ordering::SeqCst) {
                     let hits = database.query(&Query::texture(1).k(100)).unwrap().hits;
                     assert!(hits.len() >= seen && hits[0].id == 1);
                     let mut ids: Vec<u64> = hits.iter().map(|hit| hit.id).collect();

@@ -123,7 +123,11 @@ fn removed_textures_are_gone_and_their_ids_never_come_back() {
     place.json(&["remove", "3", "4"]);
     assert!(place.refused(1, &["show", "3"]).contains('3'));
     assert!(place.refused(1, &["remove", "1", "99"]).contains("99"));
-    assert_eq!(place.json(&["list"])["textures"].as_array().unwrap().len(), 6, "none is removed where one is not there");
+    assert_eq!(
+        place.json(&["list"])["textures"].as_array().unwrap().len(),
+        6,
+        "none is removed where one is not there"
+    );
     place.json(&["compact"]);
     assert_eq!(place.json(&["ingest", text(&folder)])["added"], 2);
     let ids: Vec<u64> =
@@ -202,7 +206,9 @@ fn exactly_the_sums_of_the_definition_are_printed() {
     let moments = hlacdb::arrays::read_moments(&place.path("moments.npy")).unwrap();
     assert_eq!(moments, [reference.descriptor()]);
 
-    let sampled = |seed| place.json(&["extract", text(&path), "--variant", "sampled", "--seed", seed])["files"][0]["sums"].clone();
+    let sampled = |seed| {
+        place.json(&["extract", text(&path), "--variant", "sampled", "--seed", seed])["files"][0]["sums"].clone()
+    };
     assert_eq!(sampled("1"), sampled("1"));
     assert_ne!(sampled("1"), sampled("2"));
     assert_ne!(place.json(&["extract", text(&path), "--variant", "hit-sum"])["files"][0]["sums"], file["sums"]);
