@@ -95,31 +95,50 @@ impl Axes {
     /// More voxels than any machine holds: whatever the caller's limit, no product of lengths and sizes overflows.
     const MOST: u64 = 1 << 56;
 
-    /// The axes of a volume out of those of a dense array in the order (Z, Y, X) or (Z, Y, X, colour).
-    ///
-    /// A fourth axis is a colour axis if it comes last and its length is 3 or 4. Else axes of length 1 are left out where
-    /// there are more than three.
+    /// The axes of a volume out of those of an array whose format has no name for them: (Z, Y, X) or (Z, Y, X, colour).
+    /// A last one of four (axes of length 1 set aside) is the colour axis if its length is 3 or 4.
     ///
     /// # Errors
-    /// [`VolumeError::Dimensions`], [`VolumeError::TooSmall`], [`VolumeError::TooLarge`].
-    pub(super) fn new(found: &[Axis], limit: u64) -> Result<Self, VolumeError> {
-        let dimensions = || VolumeError::Dimensions { found: found.iter().map(|axis| axis.length).collect() };
+    /// As [`new`](Self::new).
+    pub(super) fn of_array(found: &[Axis], limit: u64) -> Result<Self, VolumeError> {
         let colour = |axes: &[Axis]| axes.len() == 4 && matches!(axes[3].length, 3 | 4);
-        let mut axes = found.to_vec();
-        if axes.len() > 3 && !colour(&axes) {
+        let long: Vec<Axis> = found.iter().copied().filter(|axis| axis.length != 1).collect();
+        let coloured = [found, &long].into_iter().find(|axes| colour(axes));
+        match coloured.and_then(<[Axis]>::split_last) {
+            Some((channel, space)) => Self::new(space, Some(*channel), limit),
+            None => Self::new(found, None, limit),
+        }
+    }
+
+    /// The axes of a volume out of those of space, in the order (Z, Y, X), and that of colour. Axes of length 1 are left
+    /// out where there are more than three of space.
+    ///
+    /// # Errors
+    /// [`VolumeError::Dimensions`], [`VolumeError::TooSmall`], [`VolumeError::TooLarge`], and
+    /// [`VolumeError::Unsupported`] for a colour axis of another length than 1, 3 and 4.
+    pub(super) fn new(space: &[Axis], channel: Option<Axis>, limit: u64) -> Result<Self, VolumeError> {
+        let found = || space.iter().chain(&channel).map(|axis| axis.length).collect();
+        let dimensions = || VolumeError::Dimensions { found: found() };
+        let mut axes = space.to_vec();
+        if axes.len() > 3 {
             axes.retain(|axis| axis.length != 1);
         }
-        let channel = if colour(&axes) { axes.pop() } else { None };
         let [z, y, x] = <[Axis; 3]>::try_from(axes).map_err(|_| dimensions())?;
         within_limit([z, y, x].map(|axis| axis.length.into()), limit.min(Self::MOST))?;
-        let channel = channel.unwrap_or(Axis { length: 1, stride: 1 });
         let fits = |number: u128| usize::try_from(number).map_err(|_| dimensions());
         let shape = [fits(z.length.into())?, fits(y.length.into())?, fits(x.length.into())?];
         if shape.iter().any(|&side| side < MIN_SIDE) {
             return Err(VolumeError::TooSmall { shape });
         }
+        let channel = channel.unwrap_or(Axis { length: 1, stride: 1 });
+        if !matches!(channel.length, 1 | 3 | 4) {
+            return Err(VolumeError::Unsupported {
+                what: format!("a volume of {} channels", channel.length),
+                supported: "1 channel (grey), 3 (RGB) or 4 (RGB and alpha)".into(),
+            });
+        }
         let strides = [fits(z.stride)?, fits(y.stride)?, fits(x.stride)?, fits(channel.stride)?];
-        Ok(Self { shape, channels: fits(channel.length.into())?, strides })
+        Ok(Self { shape, channels: channel.length as usize, strides })
     }
 
     /// The same axes, each voxel being `channels` samples side by side.
@@ -262,8 +281,9 @@ mod tests {
             (&[1, 5, 7, 9], [5, 7, 9], 1),
             (&[5, 7, 9, 1], [5, 7, 9], 1),
             (&[1, 5, 7, 9, 1, 3], [5, 7, 9], 3),
+            (&[5, 7, 9, 3, 1], [5, 7, 9], 3),
         ] {
-            let axes = Axes::new(&c_order(lengths), LIMIT).unwrap();
+            let axes = Axes::of_array(&c_order(lengths), LIMIT).unwrap();
             assert_eq!((axes.shape, axes.channels), (shape, channels), "{lengths:?}");
         }
     }
@@ -271,16 +291,19 @@ mod tests {
     #[test]
     fn other_axes_are_none() {
         for lengths in [&[][..], &[5], &[7, 9], &[5, 7, 9, 2], &[5, 7, 9, 5], &[1, 1, 7, 9], &[3, 5, 7, 9], &[4; 5]] {
-            let error = Axes::new(&c_order(lengths), LIMIT).unwrap_err();
+            let error = Axes::of_array(&c_order(lengths), LIMIT).unwrap_err();
             assert!(matches!(&error, VolumeError::Dimensions { found } if found == lengths), "{lengths:?} {error}");
         }
         for lengths in [&[0, 7, 9][..], &[5, 2, 9], &[1, 20, 30, 3], &[0, u64::MAX, u64::MAX]] {
-            assert!(matches!(Axes::new(&c_order(lengths), LIMIT), Err(VolumeError::TooSmall { .. })), "{lengths:?}");
+            assert!(
+                matches!(Axes::of_array(&c_order(lengths), LIMIT), Err(VolumeError::TooSmall { .. })),
+                "{lengths:?}"
+            );
         }
         for lengths in [[1 << 12, 1 << 12, (1 << 8) + 1], [u64::MAX; 3], [3, 3, 1 << 62]] {
-            assert!(matches!(Axes::new(&c_order(&lengths), LIMIT), Err(VolumeError::TooLarge { .. })));
+            assert!(matches!(Axes::of_array(&c_order(&lengths), LIMIT), Err(VolumeError::TooLarge { .. })));
             // No limit of the caller's lets through what would overflow.
-            let unlimited = Axes::new(&c_order(&lengths), u64::MAX);
+            let unlimited = Axes::of_array(&c_order(&lengths), u64::MAX);
             assert!(unlimited.is_err() || unlimited.unwrap().interleaved(4).shape[0] == 1 << 12);
         }
     }
@@ -299,7 +322,7 @@ mod tests {
             let stored = dense(order.iter().map(|&axis| lengths[axis] as u64));
             let mut found = vec![Axis { length: 0, stride: 0 }; 4];
             order.iter().zip(&stored).for_each(|(&axis, &is)| found[axis] = is);
-            let axes = Axes::new(if colour { &found } else { &found[..3] }, LIMIT).unwrap();
+            let axes = Axes::of_array(if colour { &found } else { &found[..3] }, LIMIT).unwrap();
             // Each sample holds its own place in the file.
             let count = lengths.iter().product::<usize>();
             let bytes: Vec<u8> = (0..count as u64).flat_map(|place| place.to_le_bytes()[..size].to_vec()).collect();
@@ -325,7 +348,7 @@ mod tests {
             start: Start::At(6),
             encoding: Encoding::Raw,
             skip: 0,
-            axes: Axes::new(&c_order(&SHAPE.map(|side| side as u64)), LIMIT).unwrap(),
+            axes: Axes::of_array(&c_order(&SHAPE.map(|side| side as u64)), LIMIT).unwrap(),
             samples: SampleType::U16,
             endian: Endian::Big,
             scaling: Scaling::IDENTITY,

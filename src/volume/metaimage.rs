@@ -139,16 +139,9 @@ fn axes(fields: &Fields, options: &ReadOptions) -> Result<Axes, VolumeError> {
             supported: "1 channel (grey), 3 (RGB) or 4 (RGB and alpha)".into(),
         });
     }
-    let mut spatial = dense(sizes);
-    spatial.reverse();
-    // Four axes of space are never colours here: those have a field of their own.
-    if spatial.len() > 3 {
-        spatial.retain(|axis| axis.length != 1);
-    }
-    if spatial.len() != 3 {
-        return Err(VolumeError::Dimensions { found: spatial.iter().map(|axis| axis.length).collect() });
-    }
-    Ok(Axes::new(&spatial, options.max_voxels)?.interleaved(channels as usize))
+    let mut space = dense(sizes);
+    space.reverse();
+    Ok(Axes::new(&space, None, options.max_voxels)?.interleaved(channels as usize))
 }
 
 /// The file that holds the samples, and where in it they begin by default.
@@ -222,4 +215,153 @@ fn malformed(key: &str, value: &str, expected: &str) -> VolumeError {
 /// A text of the header as an error shows it.
 fn shown(text: &str) -> String {
     text.chars().take(80).collect::<String>().escape_debug().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::Volume;
+    use crate::volume::testing::{Folder, encode, gzip, read as read_file, samples, volume};
+
+    const START: &str = "ObjectType = Image\nNDims = 3\nDimSize = 5 4 3\n";
+
+    fn local(fields: &str, data: &[u8]) -> Vec<u8> {
+        [START.as_bytes(), fields.as_bytes(), b"ElementDataFile = LOCAL\n", data].concat()
+    }
+
+    fn u8s() -> Vec<u8> {
+        encode(&samples(), SampleType::U8, Endian::Little)
+    }
+
+    fn zlib(bytes: &[u8]) -> Vec<u8> {
+        let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+        std::io::Write::write_all(&mut encoder, bytes).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    #[test]
+    fn every_type_and_byte_order() {
+        let folder = Folder::new();
+        for (name, ty) in [
+            ("MET_UCHAR", SampleType::U8),
+            ("MET_SHORT", SampleType::I16),
+            ("MET_USHORT", SampleType::U16),
+            ("MET_INT", SampleType::I32),
+            ("MET_UINT", SampleType::U32),
+            ("MET_LONG", SampleType::I32),
+            ("MET_ULONG", SampleType::U32),
+            ("MET_LONG_LONG", SampleType::I64),
+            ("MET_ULONG_LONG", SampleType::U64),
+            ("MET_FLOAT", SampleType::F32),
+            ("met_double", SampleType::F64),
+        ] {
+            for (key, value, endian) in [
+                ("BinaryDataByteOrderMSB", "True", Endian::Big),
+                ("BinaryDataByteOrderMSB", "False", Endian::Little),
+                ("ElementByteOrderMSB", "true", Endian::Big),
+                ("Comment", "none", Endian::Little),
+            ] {
+                let bytes = local(&format!("{key} = {value}\nElementType = {name}\n"), &encode(&samples(), ty, endian));
+                let (found, source) = folder.read("a.mha", bytes).unwrap();
+                assert_eq!((found, source.samples, source.kind), (volume(), ty, FileKind::MetaImage), "{name} {key}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_encoding_in_one_file_or_two() {
+        let folder = Folder::new();
+        let text: String = samples().iter().map(|v| format!("{v} ")).collect();
+        for (fields, data) in [
+            ("BinaryData = True\n", u8s()),
+            ("CompressedData = True\nCompressedDataSize = 1\n", zlib(&u8s())),
+            ("BinaryData = False\n", text.into_bytes()),
+            ("HeaderSize = -1\n", [b"anything", &u8s()[..]].concat()),
+        ] {
+            let fields = format!("ElementType = MET_UCHAR\n{fields}");
+            assert_eq!(folder.read("a.mha", local(&fields, &data)).unwrap().0, volume(), "{fields}");
+            folder.write("a b.zraw", &data);
+            let detached = format!("{START}{fields}ElementDataFile = a b.zraw\n");
+            assert_eq!(folder.read("a.mhd", detached).unwrap().0, volume(), "{fields} detached");
+        }
+        // Counted from the start of the file, its header included.
+        let mut bytes = local("ElementType = MET_UCHAR\nHeaderSize = 300\n", &[]);
+        bytes.resize(300, b'.');
+        bytes.extend(u8s());
+        assert_eq!(folder.read("a.mha", bytes).unwrap().0, volume());
+    }
+
+    #[test]
+    fn channels_are_interleaved() {
+        let rgba: Vec<u8> = u8s().iter().flat_map(|&v| [v, 255 - v, 7, 99]).collect();
+        let rgb: Vec<u8> = u8s().iter().flat_map(|&v| [v, 255 - v, 7]).collect();
+        for (channels, data) in [(3, &rgb), (4, &rgba)] {
+            let fields = format!("ElementType = MET_UCHAR\nElementNumberOfChannels = {channels}\n");
+            let found = Folder::new().read("a.mha", local(&fields, data)).unwrap().0;
+            assert_eq!(found, Volume::new([3, 4, 5], 3, rgb.clone()).unwrap());
+        }
+    }
+
+    #[test]
+    fn spacing_or_else_size() {
+        let folder = Folder::new();
+        for (fields, expected) in [
+            ("ElementSize = 9 9 9\nElementSpacing = 0.5 0.75 2\n", Some([2.0, 0.75, 0.5])),
+            ("ElementSize = 0.5 0.75 2\n", Some([2.0, 0.75, 0.5])),
+            ("ElementSpacing = 0 1 1\n", None),
+            ("", None),
+        ] {
+            let bytes = local(&format!("ElementType = MET_UCHAR\n{fields}"), &u8s());
+            assert_eq!(folder.read("a.mha", bytes).unwrap().1.spacing, expected);
+        }
+    }
+
+    #[test]
+    fn what_is_no_volume_is_refused() {
+        let folder = Folder::new();
+        let refused = |bytes: Vec<u8>| folder.read("a.mha", bytes).unwrap_err();
+        for fields in [
+            "",
+            "ElementType = MET_UCHAR\nDimSize = 5 4\n",
+            "ElementType = MET_UCHAR\nDimSize = 5 4 x\n",
+            "ElementType = MET_UCHAR\nNDims = -1\n",
+            "ElementType = MET_UCHAR\nBinaryData = maybe\n",
+            "ElementType = MET_UCHAR\nHeaderSize = -2\n",
+            "ElementType = MET_UCHAR\nHeaderSize = -1\nCompressedData = True\n",
+            "ElementType = MET_UCHAR\nno field\n",
+        ] {
+            assert!(matches!(refused(local(fields, &u8s())), VolumeError::Malformed { .. }), "{fields}");
+        }
+        for fields in [
+            "ElementType = MET_STRING\n",
+            "ElementType = MET_UCHAR\nElementNumberOfChannels = 2\n",
+            "ElementType = MET_UCHAR\nBinaryData = False\nCompressedData = True\n",
+            "ElementType = MET_UCHAR\nElementDataFile = LIST\n",
+            "ElementType = MET_UCHAR\nElementDataFile = s%03d.raw 1 3 1\n",
+        ] {
+            assert!(matches!(refused(local(fields, &u8s())), VolumeError::Unsupported { .. }), "{fields}");
+        }
+        let flat = local("NDims = 2\nDimSize = 12 5\nElementType = MET_UCHAR\n", &u8s());
+        assert!(matches!(refused(flat), VolumeError::Dimensions { .. }));
+        let series = local("NDims = 4\nDimSize = 5 4 3 3\nElementType = MET_UCHAR\n", &u8s());
+        assert!(matches!(refused(series), VolumeError::Dimensions { .. }));
+        assert!(matches!(refused(START.into()), VolumeError::Malformed { .. }));
+        let large = local("DimSize = 99999 99999 99999\nElementType = MET_UCHAR\n", &[]);
+        assert!(matches!(refused(large), VolumeError::TooLarge { .. }));
+        let short = local("CompressedData = True\nElementType = MET_UCHAR\n", &zlib(&u8s()[1..]));
+        assert!(matches!(refused(short), VolumeError::Truncated { expected: 60, found: 59 }));
+        let gzipped = local("CompressedData = True\nElementType = MET_UCHAR\n", &gzip(&u8s()));
+        assert!(matches!(refused(gzipped), VolumeError::Decode { .. }));
+        let outside = format!("{START}ElementType = MET_UCHAR\nElementDataFile = ../a.raw\n");
+        assert!(matches!(read_file(&folder.write("a.mhd", outside)), Err(VolumeError::Outside { .. })));
+    }
+
+    #[test]
+    fn it_is_told_by_its_lines() {
+        assert!(sniff(b"Comment = x\r\nNDims = 3\r\n"));
+        assert!(sniff(b"objecttype=Image"));
+        for other in [&b""[..], b"= \n", b"NDims", b"a text\nNDims = 3\n", b"\xff\n=ObjectType = Image"] {
+            assert!(!sniff(other), "{}", other.escape_ascii());
+        }
+    }
 }

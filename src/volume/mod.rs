@@ -8,6 +8,8 @@ mod decode;
 mod discover;
 mod error;
 mod extent;
+#[cfg(test)]
+mod hostile;
 mod intensity;
 mod levels;
 mod metaimage;

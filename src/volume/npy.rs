@@ -185,7 +185,7 @@ impl Header {
             start: Start::At(self.length),
             encoding: Encoding::Raw,
             skip: 0,
-            axes: Axes::new(&self.axes(), limit)?,
+            axes: Axes::of_array(&self.axes(), limit)?,
             samples,
             endian,
             scaling: Scaling::IDENTITY,
@@ -271,4 +271,185 @@ fn lengths(text: &str) -> Option<Vec<u64>> {
         return Some(Vec::new());
     }
     inner.split(',').map(|number| number.trim().trim_end_matches('L').parse().ok()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use zip::write::SimpleFileOptions;
+
+    use super::*;
+    use crate::volume::testing::{Folder, encode, read as read_file, samples, volume};
+
+    /// An array as numpy writes it, in format version 1.
+    fn npy(header: &str, data: &[u8]) -> Vec<u8> {
+        versioned(1, header, data)
+    }
+
+    fn versioned(major: u8, header: &str, data: &[u8]) -> Vec<u8> {
+        let length = header.len() as u32;
+        let length = if major == 1 { (length as u16).to_le_bytes().to_vec() } else { length.to_le_bytes().to_vec() };
+        [MAGIC, &[major, 0], &length, header.as_bytes(), data].concat()
+    }
+
+    fn header(descr: &str, fortran: bool, shape: &str) -> String {
+        let fortran = if fortran { "True" } else { "False" };
+        format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}          \n")
+    }
+
+    fn transposed() -> Vec<f64> {
+        let (samples, [depth, height, width]) = (samples(), volume().shape());
+        let at = |i: usize| samples[(i % depth * height + i / depth % height) * width + i / depth / height];
+        (0..samples.len()).map(at).collect()
+    }
+
+    #[test]
+    fn every_type_and_order() {
+        let folder = Folder::new();
+        for (code, ty) in [
+            ("u1", SampleType::U8),
+            ("u2", SampleType::U16),
+            ("i2", SampleType::I16),
+            ("u4", SampleType::U32),
+            ("i4", SampleType::I32),
+            ("u8", SampleType::U64),
+            ("i8", SampleType::I64),
+            ("f2", SampleType::F16),
+            ("f4", SampleType::F32),
+            ("f8", SampleType::F64),
+        ] {
+            for (order, endian) in [('<', Endian::Little), ('>', Endian::Big), ('=', Endian::NATIVE)] {
+                for (fortran, values) in [(false, samples()), (true, transposed())] {
+                    let bytes =
+                        npy(&header(&format!("{order}{code}"), fortran, "(3, 4, 5)"), &encode(&values, ty, endian));
+                    let (found, source) = folder.read("array.npy", bytes).unwrap();
+                    assert_eq!((found, source.samples), (volume(), ty), "{order}{code} {fortran}");
+                }
+            }
+        }
+        let halved: Vec<f64> = samples().iter().map(|v| (v - 255.0) / 2.0).collect();
+        let (found, source) = folder
+            .read("i1.npy", npy(&header("|i1", false, "(3, 4, 5)"), &encode(&halved, SampleType::I8, Endian::Little)))
+            .unwrap();
+        assert_eq!((found.voxels()[59], source.samples), (255, SampleType::I8));
+    }
+
+    #[test]
+    fn truth_values_are_black_and_white() {
+        let bytes: Vec<u8> = (0..60).map(|i| i % 3).collect();
+        let (found, source) = Folder::new().read("b.npy", npy(&header("|b1", false, "(3, 4, 5)"), &bytes)).unwrap();
+        assert_eq!(&found.voxels()[..4], [0, 255, 255, 0]);
+        assert_eq!((source.samples, source.mapping), (SampleType::U8, None));
+    }
+
+    #[test]
+    fn headers_of_every_version_and_writer() {
+        let folder = Folder::new();
+        let data = encode(&samples(), SampleType::U8, Endian::Little);
+        for major in 1..=3 {
+            let bytes = versioned(major, &header("|u1", false, "(3, 4, 5)"), &data);
+            assert_eq!(folder.read("array.npy", bytes).unwrap().0, volume());
+        }
+        for text in [
+            "{'shape': (3L, 4L, 5L), 'fortran_order': False, 'descr': '|u1'}",
+            r#"{"descr": "|u1", "fortran_order": False, "shape": (3,4,5), "more": [(1, "}"), 2]}"#,
+            "{ 'descr' : '|u1' , 'fortran_order' : False , 'shape' : ( 1 , 3 , 4 , 5 , ) , }",
+        ] {
+            assert_eq!(folder.read("array.npy", npy(text, &data)).unwrap().0, volume(), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_volume_is_refused_in_a_sentence() {
+        let folder = Folder::new();
+        let refused = |bytes: Vec<u8>| folder.read("array.npy", bytes).unwrap_err();
+        let sentence = |header: &str| refused(npy(header, &[0; 1000])).to_string();
+        for descr in ["<c8", "|O", "<U3", "<f16", "<M8[ns]", "", "f4", "<"] {
+            let found = sentence(&header(descr, false, "(3, 4, 5)"));
+            assert!(found.starts_with(&format!("an array of type {descr} is not supported")), "{found}");
+        }
+        let record = "{'descr': [('a', '<f4'), ('b', '|u1')], 'fortran_order': False, 'shape': (3, 4, 5), }";
+        assert!(
+            sentence(record).contains("[('a', '<f4'), ('b', '|u1')]") || sentence(record).contains("is not supported")
+        );
+        for (shape, expected) in
+            [("()", "0 axes"), ("(5,)", "1 axes"), ("(30, 40)", "2 axes"), ("(2, 3, 4, 5)", "4 axes")]
+        {
+            assert!(sentence(&header("|u1", false, shape)).contains(expected));
+        }
+        for broken in
+            ["", "{", "{}", "{'descr': '|u1'}", "[1]", "{'descr': '|u1', 'fortran_order': 0, 'shape': (3, 4, 5)}"]
+        {
+            assert!(matches!(refused(npy(broken, &[])), VolumeError::Malformed { .. }), "{broken}");
+        }
+        for shape in ["(3, -4, 5)", "(3, 4, 1e9)", "3, 4, 5", &format!("(3, 4, {}0)", u64::MAX)] {
+            let error = refused(npy(&header("|u1", false, shape), &[]));
+            assert!(matches!(error, VolumeError::Malformed { .. }), "{shape}");
+        }
+        let large = refused(npy(&header("<f8", false, "(65536, 65536, 65536)"), &[]));
+        assert!(matches!(large, VolumeError::TooLarge { .. }), "{large}");
+        let short = refused(npy(&header("<u2", false, "(3, 4, 5)"), &[0; 119]));
+        assert!(matches!(short, VolumeError::Truncated { expected: 120, found: 119 }), "{short}");
+        assert!(matches!(refused(MAGIC.to_vec()), VolumeError::Malformed { .. }));
+        assert!(matches!(refused(b"not an array".to_vec()), VolumeError::Malformed { .. }));
+        let long = [MAGIC, &[2, 0], &u32::MAX.to_le_bytes(), b"{"].concat();
+        assert!(matches!(refused(long), VolumeError::Unsupported { .. }));
+        // A parser of all of Python would descend into this.
+        let deep = refused(npy(&"(".repeat(60_000), &[]));
+        assert!(matches!(deep, VolumeError::Malformed { .. }));
+    }
+
+    fn npz(arrays: &[(&str, Vec<u8>)]) -> Vec<u8> {
+        let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        for (name, bytes) in arrays {
+            archive.start_file(*name, SimpleFileOptions::default()).unwrap();
+            archive.write_all(bytes).unwrap();
+        }
+        archive.finish().unwrap().into_inner()
+    }
+
+    #[test]
+    fn the_one_volume_of_an_archive_is_read() {
+        let folder = Folder::new();
+        let block = npy(&header("<f4", true, "(3, 4, 5)"), &encode(&transposed(), SampleType::F32, Endian::Little));
+        let affine = npy(&header("<f8", false, "(4, 4)"), &[0; 128]);
+        let name = npy(&header("<U5", false, "()"), &[0; 20]);
+        let texts = npy(&header("<U1", false, "(3, 4, 5)"), &[0; 240]);
+        let arrays = [
+            ("affine.npy", affine.clone()),
+            ("note.txt", vec![0]),
+            ("name.npy", name),
+            ("t.npy", texts),
+            ("block.npy", block),
+        ];
+        let (found, source) = folder.read("some.dat", npz(&arrays)).unwrap();
+        assert_eq!((found, source.kind), (volume(), FileKind::Npz));
+
+        let none = folder.read("none.npz", npz(&[("affine.npy", affine)])).unwrap_err().to_string();
+        assert!(none.contains("holds 0 arrays that could be a volume (affine of shape [4, 4])"), "{none}");
+        let empty = folder.read("empty.npz", npz(&[])).unwrap_err();
+        assert!(matches!(empty, VolumeError::Malformed { .. }), "{empty}");
+    }
+
+    #[test]
+    fn a_damaged_archive_is_found_out() {
+        let folder = Folder::new();
+        let block = npy(&header("|u1", false, "(3, 4, 5)"), &encode(&samples(), SampleType::U8, Endian::Little));
+        let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        archive
+            .start_file("block.npy", SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored))
+            .unwrap();
+        archive.write_all(&block).unwrap();
+        let whole = archive.finish().unwrap().into_inner();
+        let path = folder.write("whole.npz", &whole);
+        assert_eq!(read_file(&path).unwrap().0, volume());
+        let mut flipped = whole.clone();
+        let sample = 30 + "block.npy".len() + block.len() - 1;
+        flipped[sample] ^= 1;
+        assert!(matches!(folder.read("flipped.npz", flipped), Err(VolumeError::Decode { .. })));
+        assert!(matches!(folder.read("cut.npz", &whole[..whole.len() - 9]), Err(VolumeError::Decode { .. })));
+        let short = npz(&[("short.npy", block[..block.len() - 5].to_vec())]);
+        assert!(matches!(folder.read("short.npz", short), Err(VolumeError::Truncated { expected: 60, found: 55 })));
+    }
 }

@@ -101,7 +101,7 @@ fn extent(path: &Path, options: &ReadOptions) -> Result<Extent, VolumeError> {
     let samples = sample_type(required("type", &fields.ty)?)?;
     let encoding = encoding(required("encoding", &fields.encoding)?)?;
     let order = axis_order(&fields)?;
-    let axes = Axes::new(&order.logical, options.max_voxels)?;
+    let axes = Axes::new(&order.space, order.channel, options.max_voxels)?;
     let (file, first) = match &fields.data_file {
         Some(named) => (data_file(path, named)?, 0),
         None => (path.to_owned(), fields.length),
@@ -133,9 +133,10 @@ fn extent(path: &Path, options: &ReadOptions) -> Result<Extent, VolumeError> {
     })
 }
 
-/// The axes in the order (Z, Y, X, colour), and which of the header's axes are not the colour.
+/// The axes of space in the order (Z, Y, X), that of colour, and which of the header's axes the latter is.
 struct Order {
-    logical: Vec<Axis>,
+    space: Vec<Axis>,
+    channel: Option<Axis>,
     colour: Option<usize>,
 }
 
@@ -149,8 +150,7 @@ fn axis_order(fields: &Fields) -> Result<Order, VolumeError> {
     let mut axes = dense(sizes.iter().copied());
     let channel = colour.map(|axis| axes.remove(axis));
     axes.reverse();
-    axes.extend(channel);
-    Ok(Order { logical: axes, colour })
+    Ok(Order { space: axes, channel, colour })
 }
 
 /// The axis of 3 or 4 samples that is called a colour or a vector; of four axes without kinds, the first.
@@ -285,4 +285,184 @@ fn number<T: std::str::FromStr>(field: &str, value: &str) -> Result<T, VolumeErr
 /// A text of the header as an error shows it.
 fn shown(text: &str) -> String {
     text.chars().take(80).collect::<String>().escape_debug().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::Volume;
+    use crate::volume::testing::{Folder, encode, gzip, read as read_file, samples, volume};
+
+    const PLAIN: &str = "NRRD0004\n# a remark\nkey:=value: and more\ndimension: 3\nsizes: 5 4 3\n";
+
+    fn nrrd(fields: &str, data: &[u8]) -> Vec<u8> {
+        [PLAIN.as_bytes(), fields.as_bytes(), b"\n", data].concat()
+    }
+
+    fn u8s() -> Vec<u8> {
+        encode(&samples(), SampleType::U8, Endian::Little)
+    }
+
+    #[test]
+    fn every_type_and_byte_order() {
+        let folder = Folder::new();
+        for (names, ty) in [
+            (&["uchar", "unsigned char", "uint8", "uint8_t"][..], SampleType::U8),
+            (&["short", "signed short int", "int16_t"], SampleType::I16),
+            (&["ushort", "unsigned short int", "uint16"], SampleType::U16),
+            (&["int", "signed int", "int32"], SampleType::I32),
+            (&["uint", "unsigned int", "uint32_t"], SampleType::U32),
+            (&["longlong", "signed long long int", "int64"], SampleType::I64),
+            (&["ulonglong", "unsigned long long", "uint64_t"], SampleType::U64),
+            (&["float"], SampleType::F32),
+            (&["double", "Double"], SampleType::F64),
+        ] {
+            for (name, (order, endian)) in names
+                .iter()
+                .flat_map(|name| [("little", Endian::Little), ("big", Endian::Big)].map(|order| (name, order)))
+            {
+                let bytes =
+                    nrrd(&format!("type: {name}\nencoding: raw\nendian: {order}\n"), &encode(&samples(), ty, endian));
+                let (found, source) = folder.read("a.nrrd", bytes).unwrap();
+                assert_eq!((found, source.samples, source.kind), (volume(), ty, FileKind::Nrrd), "{name} {order}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_encoding() {
+        let folder = Folder::new();
+        let raw = encode(&samples(), SampleType::I16, Endian::Big);
+        let mut packer = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::fast());
+        std::io::Write::write_all(&mut packer, &raw).unwrap();
+        let text: String = samples().iter().map(|v| format!("{v}\n")).collect();
+        let hex: String = raw.iter().map(|byte| format!("{byte:02x}")).collect();
+        for (names, data) in [
+            (["raw", "RAW"], raw.clone()),
+            (["gzip", "gz"], gzip(&raw)),
+            (["bzip2", "bz2"], packer.finish().unwrap()),
+            (["ascii", "text"], text.into_bytes()),
+            (["hex", "hex"], hex.into_bytes()),
+        ] {
+            for name in names {
+                let bytes = nrrd(&format!("type: short\nendian: big\nencoding: {name}\n"), &data);
+                assert_eq!(folder.read("a.nrrd", bytes).unwrap().0, volume(), "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn bytes_and_lines_are_skipped() {
+        let folder = Folder::new();
+        let cases = [
+            ("encoding: raw\nline skip: 2\n", [&b"one\ntwo\n"[..], &u8s()].concat()),
+            ("encoding: raw\nbyte skip: 3\n", [&b"abc"[..], &u8s(), b"more"].concat()),
+            ("encoding: raw\nlineskip: 1\nbyteskip: 3\n", [&b"one\nabc"[..], &u8s()].concat()),
+            ("encoding: raw\nbyte skip: -1\n", [&b"whatever"[..], &u8s()].concat()),
+            (
+                "encoding: gzip\nline skip: 1\nbyte skip: 3\n",
+                [&b"one\n"[..], &gzip(&[&b"abc"[..], &u8s()].concat())].concat(),
+            ),
+        ];
+        for (fields, data) in cases {
+            let fields = format!("type: uchar\n{fields}");
+            assert_eq!(folder.read("a.nrrd", nrrd(&fields, &data)).unwrap().0, volume(), "{fields}");
+            // The same in a file of its own.
+            folder.write("data.bin", &data);
+            let detached = format!("{PLAIN}{fields}data file: data.bin\n");
+            assert_eq!(folder.read("a.nhdr", detached).unwrap().0, volume(), "{fields} detached");
+        }
+        let bad = nrrd("type: uchar\nencoding: gzip\nbyte skip: -1\n", &gzip(&u8s()));
+        assert!(matches!(folder.read("a.nrrd", bad), Err(VolumeError::Malformed { .. })));
+        let beyond = nrrd(&format!("type: uchar\nencoding: raw\nbyte skip: {}\n", i64::MAX), &u8s());
+        assert!(matches!(folder.read("a.nrrd", beyond), Err(VolumeError::Truncated { found: 0, .. })));
+    }
+
+    #[test]
+    fn colours_are_first_or_last_by_their_kind() {
+        let folder = Folder::new();
+        let interleaved: Vec<u8> = u8s().iter().flat_map(|&v| [v, 255 - v, 7]).collect();
+        let planar: Vec<u8> =
+            (0..3).flat_map(|c| interleaved.iter().skip(c).step_by(3).copied().collect::<Vec<_>>()).collect();
+        let expected = Volume::new([3, 4, 5], 3, interleaved.clone()).unwrap();
+        let read = |fields: &str, data: &[u8]| {
+            folder.read("a.nrrd", [b"NRRD0005\ntype: uchar\nencoding: raw\n", fields.as_bytes(), b"\n", data].concat())
+        };
+        for (fields, data) in [
+            ("sizes: 3 5 4 3\nkinds: RGB-color domain domain domain\n", &interleaved),
+            ("sizes: 3 5 4 3\nkinds: vector space space space\n", &interleaved),
+            ("sizes: 3 5 4 3\n", &interleaved),
+            ("sizes: 5 4 3 3\nkinds: domain domain domain RGB-color\n", &planar),
+        ] {
+            assert_eq!(read(fields, data).unwrap().0, expected, "{fields}");
+        }
+        for fields in [
+            "sizes: 3 5 4 3\nkinds: time domain domain domain\n",
+            "sizes: 2 5 4 3\nkinds: vector domain domain domain\n",
+        ] {
+            assert!(matches!(read(fields, &interleaved), Err(VolumeError::Dimensions { .. })), "{fields}");
+        }
+    }
+
+    #[test]
+    fn spacing_comes_from_either_field() {
+        let folder = Folder::new();
+        for (field, expected) in [
+            ("spacings: 0.5 0.75 2\n", Some([2.0, 0.75, 0.5])),
+            ("space directions: (0.5,0,0) (0, 0.75, 0) (0,1.2,1.6)\n", Some([2.0, 0.75, 0.5])),
+            ("spacings: 0.5 nan 2\n", None),
+            ("spacings: 1 2\n", None),
+            ("space directions: (1,0,0 none (\n", None),
+            ("", None),
+        ] {
+            let bytes = nrrd(&format!("type: uchar\nencoding: raw\n{field}"), &u8s());
+            assert_eq!(folder.read("a.nrrd", bytes).unwrap().1.spacing, expected, "{field}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_volume_is_refused() {
+        let folder = Folder::new();
+        let refused = |bytes: Vec<u8>| folder.read("a.nrrd", bytes).unwrap_err();
+        for fields in [
+            "encoding: raw\n",
+            "type: uchar\n",
+            "type: short\nencoding: raw\n",
+            "type: short\nencoding: raw\nendian: middle\n",
+            "type: uchar\nencoding: raw\nline skip: -2\n",
+            "type: uchar\nencoding: raw\nbyte skip: -2\n",
+            "type: uchar\nencoding: raw\nsizes: 5 4 x\n",
+            "type: uchar\nencoding: raw\nline skip: 99\n",
+            "no field\n",
+        ] {
+            assert!(matches!(refused(nrrd(fields, &u8s())), VolumeError::Malformed { .. }), "{fields}");
+        }
+        for fields in [
+            "type: block\nencoding: raw\n",
+            "type: uchar\nencoding: zrl\n",
+            "type: uchar\nencoding: raw\ndata file: LIST\n",
+            "type: uchar\nencoding: raw\ndata file: slice%03d.raw 1 3 1\n",
+        ] {
+            assert!(matches!(refused(nrrd(fields, &u8s())), VolumeError::Unsupported { .. }), "{fields}");
+        }
+        let endless = [PLAIN, "type: uchar\nencoding: raw\n"].concat();
+        assert!(matches!(refused(endless.into_bytes()), VolumeError::Malformed { .. }));
+        let large = nrrd("type: uchar\nencoding: gzip\nsizes: 99999 99999 99999\n", &gzip(&[0; 9]));
+        assert!(matches!(refused(large), VolumeError::TooLarge { .. }));
+        let lying = nrrd("type: double\nencoding: gzip\nendian: big\nsizes: 1500 1500 1500\n", &gzip(&[0; 9]));
+        assert!(matches!(refused(lying), VolumeError::Truncated { expected: 27_000_000_000, found: 9 }));
+    }
+
+    #[test]
+    fn detached_data_stay_in_the_folder() {
+        let folder = Folder::new();
+        let away = folder.write("away.raw", u8s());
+        let inner = folder.path().join("inner");
+        std::fs::create_dir(&inner).unwrap();
+        for named in ["../away.raw", away.to_str().unwrap()] {
+            let text = format!("{PLAIN}type: uchar\nencoding: raw\ndata file: {named}\n");
+            let error = read_file(&folder.write("inner/a.nhdr", text)).unwrap_err();
+            assert!(matches!(error, VolumeError::Outside { .. }), "{error}");
+        }
+    }
 }

@@ -36,10 +36,49 @@ fn extent(path: &Path, layout: &RawLayout, options: &ReadOptions) -> Result<Exte
         start: Start::At(layout.offset),
         encoding: Encoding::Raw,
         skip: 0,
-        axes: Axes::new(&axes, options.max_voxels)?,
+        axes: Axes::new(&axes, None, options.max_voxels)?,
         samples: layout.samples,
         endian: layout.endian,
         scaling: Scaling::IDENTITY,
         spacing: None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::testing::{Folder, SHAPE, encode, samples, volume};
+    use crate::volume::{Endian, SampleType, read as read_any};
+
+    #[test]
+    fn a_layout_must_use_up_the_file() {
+        let folder = Folder::new();
+        let layout = RawLayout { shape: SHAPE, samples: SampleType::I32, endian: Endian::Big, offset: 2 };
+        let options = ReadOptions { raw: Some(layout), ..ReadOptions::default() };
+        let read =
+            |name: &str, bytes: &[u8]| read_any(&folder.write(name, bytes), &options).map_err(|error| error.error);
+        let bytes = [&b"ab"[..], &encode(&samples(), SampleType::I32, Endian::Big)].concat();
+        for name in ["bare.raw", "bare", "bare.xyz"] {
+            let (found, source) = read(name, &bytes).unwrap();
+            assert_eq!((found, source.kind), (volume(), FileKind::Raw));
+        }
+        let left_over = read("bare.raw", &[&bytes[..], &[0]].concat()).unwrap_err().to_string();
+        assert!(left_over.starts_with("1 bytes are left over after the samples, but shape [3, 4, 5]"), "{left_over}");
+        let short = read("bare.raw", &bytes[1..]).unwrap_err();
+        assert!(matches!(short, VolumeError::Truncated { expected: 240, found: 239 }), "{short}");
+        assert!(matches!(read("bare.raw", b""), Err(VolumeError::Truncated { found: 0, .. })));
+    }
+
+    #[test]
+    fn a_layout_is_checked_as_a_header_is() {
+        let folder = Folder::new();
+        let path = folder.write("bare.raw", b"");
+        let refused = |shape, offset| {
+            let layout = RawLayout { shape, samples: SampleType::F64, endian: Endian::Big, offset };
+            read_any(&path, &ReadOptions { raw: Some(layout), ..ReadOptions::default() }).unwrap_err().error
+        };
+        assert!(matches!(refused([usize::MAX; 3], 0), VolumeError::TooLarge { .. }));
+        assert!(matches!(refused([2, 9, 9], 0), VolumeError::TooSmall { .. }));
+        assert!(matches!(refused(SHAPE, u64::MAX), VolumeError::Truncated { found: 0, .. }));
+    }
 }

@@ -90,3 +90,89 @@ fn printable(head: &[u8]) -> String {
     }
     format!("\"{}\"", head[..head.len().min(8)].escape_ascii())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::testing::{Folder, encode, gzip, samples, volume};
+    use crate::volume::{Endian, SampleType};
+
+    fn nrrd() -> Vec<u8> {
+        let header = b"NRRD0001\ntype: uchar\ndimension: 3\nsizes: 5 4 3\nencoding: raw\n\n";
+        [&header[..], &encode(&samples(), SampleType::U8, Endian::Little)].concat()
+    }
+
+    #[test]
+    fn content_goes_before_the_name() {
+        let folder = Folder::new();
+        for name in ["a.nrrd", "a.npy", "a.nii.gz", "a.xyz", "a", "a.mha", ".hidden"] {
+            let (found, source) = folder.read(name, nrrd()).unwrap();
+            assert_eq!((found, source.kind), (volume(), FileKind::Nrrd), "{name}");
+        }
+    }
+
+    #[test]
+    fn where_content_tells_nothing_the_name_says_what_was_expected() {
+        let folder = Folder::new();
+        for (name, expected) in [
+            ("a.npy", "a numpy array begins with"),
+            ("a.NPZ", "the zip archive cannot be decoded"),
+            ("a.nrrd", "a NRRD begins with"),
+            ("a.mha", "every line of it should be `Key = value`"),
+            ("a.nii", "a NIfTI header begins with"),
+            ("a.txt", "the kind of file is not known (it begins with \"some tex\")"),
+        ] {
+            let error = folder.read(name, b"some text\n\n").unwrap_err().to_string();
+            assert!(error.contains(expected), "{name}: {error}");
+        }
+        let empty = folder.read("empty", b"").unwrap_err().to_string();
+        assert!(empty.contains("nothing: it is empty"), "{empty}");
+        assert!(matches!(folder.read("a.gz", gzip(b"no NIfTI")), Err(VolumeError::UnknownKind { .. })));
+    }
+
+    #[test]
+    fn an_error_names_the_file_and_its_causes() {
+        let folder = Folder::new();
+        let error = read(&folder.path().join("none\n.npy"), &ReadOptions::default()).unwrap_err();
+        assert!(error.to_string().ends_with("none\\n.npy: opening the file failed"), "{error}");
+        let cause = std::error::Error::source(&error).unwrap();
+        assert!(cause.downcast_ref::<std::io::Error>().is_some(), "{cause}");
+    }
+
+    #[test]
+    fn the_limit_is_the_callers() {
+        let folder = Folder::new();
+        let path = folder.write("a.nrrd", nrrd());
+        let limited = |max_voxels| read(&path, &ReadOptions { max_voxels, ..ReadOptions::default() });
+        assert!(limited(60).is_ok());
+        let error = limited(59).unwrap_err().error;
+        assert!(matches!(error, VolumeError::TooLarge { voxels: 60, limit: 59 }), "{error}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_regular_file_is_refused_without_waiting() {
+        let folder = Folder::new();
+        let pipe = folder.path().join("pipe.npy");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        if made.is_ok_and(|status| status.success()) {
+            let error = read(&pipe, &ReadOptions::default()).unwrap_err().error;
+            assert!(matches!(error, VolumeError::Unsupported { .. }), "{error}");
+        }
+        let error = read(Path::new("/dev/zero"), &ReadOptions::default()).unwrap_err().error;
+        assert!(matches!(error, VolumeError::Unsupported { .. }), "{error}");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_name_that_is_not_utf_8_is_a_name() {
+        use std::os::unix::ffi::OsStrExt;
+        let folder = Folder::new();
+        let odd = std::ffi::OsStr::from_bytes(b"odd\xff.nhdr");
+        let path = folder.path().join(odd);
+        std::fs::write(&path, nrrd()).unwrap();
+        assert_eq!(read(&path, &ReadOptions::default()).unwrap().0, volume());
+        let error = read(&path.with_extension("none"), &ReadOptions::default()).unwrap_err().to_string();
+        assert!(error.contains("odd\u{fffd}.none"), "{error}");
+    }
+}

@@ -1,0 +1,138 @@
+//! No bytes make a reader panic, hang, or take more memory than its limit allows.
+//!
+//! Valid small files of every format (the fixtures of `tests/`, written by other programs) are damaged at random and read
+//! again; so are bytes that are no file at all, under every name. A small `max_voxels` bounds what a lying header may ask
+//! for, so a run of thousands stays fast.
+
+use std::path::{Path, PathBuf};
+
+use proptest::prelude::*;
+use proptest::sample::Index;
+
+use super::testing::Folder;
+use super::{Endian, Intensity, RawLayout, ReadOptions, SampleType, read};
+
+const LIMIT: u64 = 1 << 16;
+
+fn fixtures() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/volumes");
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let mut files: Vec<PathBuf> = entries.filter(|path| path.is_file()).collect();
+    files.sort();
+    files
+}
+
+/// One way of damaging a file.
+#[derive(Debug, Clone)]
+enum Damage {
+    Flip(Index, u8),
+    Set(Index, Vec<u8>),
+    Cut(Index),
+    Insert(Index, Vec<u8>),
+    Remove(Index, usize),
+    Repeat(Index, usize),
+}
+
+impl Damage {
+    fn apply(&self, bytes: &mut Vec<u8>) {
+        if bytes.is_empty() {
+            return;
+        }
+        let length = bytes.len();
+        match self {
+            Self::Flip(at, bits) => bytes[at.index(length)] ^= bits,
+            Self::Set(at, with) => {
+                let at = at.index(length);
+                let end = length.min(at + with.len());
+                bytes[at..end].copy_from_slice(&with[..end - at]);
+            }
+            Self::Cut(at) => bytes.truncate(at.index(length)),
+            Self::Insert(at, with) => {
+                let at = at.index(length);
+                bytes.splice(at..at, with.iter().copied());
+            }
+            Self::Remove(at, count) => {
+                let at = at.index(length);
+                bytes.drain(at..length.min(at + count));
+            }
+            Self::Repeat(at, count) => {
+                let at = at.index(length);
+                let part = bytes[at..length.min(at + count)].to_vec();
+                bytes.splice(at..at, part);
+            }
+        }
+    }
+}
+
+fn damage() -> impl Strategy<Value = Damage> {
+    let extreme = prop::sample::select(vec![
+        vec![0; 4],
+        vec![0xff; 8],
+        vec![0x7f, 0xff],
+        vec![0xff, 0x7f],
+        b"-1".to_vec(),
+        b"99999999999999999999".to_vec(),
+        b"\n\n".to_vec(),
+        b"((((".to_vec(),
+        b"nan".to_vec(),
+        b" ../".to_vec(),
+    ]);
+    prop_oneof![
+        (any::<Index>(), 1_u8..).prop_map(|(at, bits)| Damage::Flip(at, bits)),
+        (any::<Index>(), extreme.clone()).prop_map(|(at, with)| Damage::Set(at, with)),
+        any::<Index>().prop_map(Damage::Cut),
+        (any::<Index>(), prop_oneof![extreme, prop::collection::vec(any::<u8>(), 1..40)])
+            .prop_map(|(at, with)| Damage::Insert(at, with)),
+        (any::<Index>(), 1_usize..64).prop_map(|(at, count)| Damage::Remove(at, count)),
+        (any::<Index>(), 1_usize..64).prop_map(|(at, count)| Damage::Repeat(at, count)),
+    ]
+}
+
+/// Reads a file, and holds what comes out to the limit.
+fn survives(path: &Path, intensity: Intensity) {
+    let raw = RawLayout { shape: [5, 7, 9], samples: SampleType::F16, endian: Endian::Big, offset: 3 };
+    for raw in [None, Some(raw)] {
+        match read(path, &ReadOptions { intensity, max_voxels: LIMIT, raw }) {
+            Ok((volume, _)) => assert!(volume.voxels().len() as u64 <= 3 * LIMIT),
+            Err(error) => assert!(!error.to_string().contains('\n'), "one sentence, one line: {error}"),
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1500))]
+
+    #[test]
+    fn a_damaged_file_is_read_or_refused(
+        file in any::<Index>(),
+        damages in prop::collection::vec(damage(), 1..4),
+        auto in any::<bool>(),
+    ) {
+        let files = fixtures();
+        let path = file.get(&files);
+        let mut bytes = std::fs::read(path).unwrap();
+        damages.iter().for_each(|damage| damage.apply(&mut bytes));
+        let folder = Folder::new();
+        // A detached header finds its data, whole.
+        for entry in files.iter().filter(|other| other.file_stem() == path.file_stem()) {
+            folder.write(entry.file_name().unwrap().to_str().unwrap(), std::fs::read(entry).unwrap());
+        }
+        let damaged = folder.write(path.file_name().unwrap().to_str().unwrap(), bytes);
+        survives(&damaged, if auto { Intensity::Auto } else { Intensity::Full });
+    }
+
+    #[test]
+    fn any_bytes_under_any_name_are_read_or_refused(
+        start in prop::sample::select(vec![
+            &b""[..], b"\x93NUMPY\x01\x00", b"PK\x03\x04", b"NRRD0004\n", b"ObjectType = Image\n", b"\x5c\x01\0\0",
+            b"\0\0\x02\x1cn+2\0", b"\x1f\x8b\x08\0\0\0\0\0\0\xff",
+        ]),
+        ending in prop::sample::select(vec![
+            "", ".npy", ".npz", ".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz", ".hdr", ".img", ".raw",
+        ]),
+        rest in prop::collection::vec(any::<u8>(), 0..700),
+    ) {
+        let folder = Folder::new();
+        survives(&folder.write(&format!("a{ending}"), [start, &rest].concat()), Intensity::Full);
+    }
+}
