@@ -19,8 +19,10 @@ struct Reader {
     endings: &'static [&'static str],
     /// Whether a file that begins so is of this kind.
     sniff: fn(&[u8]) -> bool,
-    read: fn(&Path, &ReadOptions) -> Result<(Volume, Source), VolumeError>,
+    read: ReadFile,
 }
+
+type ReadFile = fn(&Path, &ReadOptions) -> Result<(Volume, Source), VolumeError>;
 
 /// Every reader of single files, the first that knows the content reads it.
 const READERS: &[Reader] = &[
