@@ -100,7 +100,7 @@ fn survives(path: &Path, intensity: Intensity) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1500))]
+    #![proptest_config(ProptestConfig::with_cases(700))]
 
     #[test]
     fn a_damaged_file_is_read_or_refused(

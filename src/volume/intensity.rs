@@ -6,7 +6,8 @@ use std::str::FromStr;
 /// How samples deeper than 8 bits become the 256 levels of a volume. Samples of `u8` are always taken as they are.
 ///
 /// A sample `v` becomes `255 (v - lo) / (hi - lo)`, computed in `f64`, rounded half away from zero and clamped to
-/// 0..=255; where `hi == lo` every voxel is 0. For colour, `lo` and `hi` are common to the three channels.
+/// 0..=255; where `hi == lo` every voxel is 0. For colour, `lo` and `hi` are common to the three channels. (Integers of 64
+/// bits are rounded to the nearest `f64` first.)
 ///
 /// Written as text: `full`, `auto`, or `LO..HI` (`-1000..3000`).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

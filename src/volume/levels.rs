@@ -183,8 +183,10 @@ impl Levels {
         if self.range == 0.0 {
             return 0;
         }
-        let level = 255.0 * (sample * self.shrink - self.lo) / self.range;
-        level.round().clamp(0.0, 255.0) as u8
+        let level = (255.0 * (sample * self.shrink - self.lo) / self.range).clamp(0.0, 255.0);
+        // `round`, without the call that it is on processors of the baseline: of numbers from 0 to 255 both steps are exact.
+        let whole = level as u8;
+        whole + u8::from(level - f64::from(whole) >= 0.5)
     }
 }
 
@@ -366,6 +368,22 @@ mod tests {
         let window = Intensity::Window { lo: 0.0, hi: 510.0 };
         write(&mut bytes, SampleType::U16, Endian::Little, window, Scaling::IDENTITY).unwrap();
         assert_eq!(bytes, [0, 1, 1, 255, 255]);
+    }
+
+    #[test]
+    fn every_level_is_rounded_as_round_does() {
+        let levels = Levels::new(0.0, 255.0);
+        for half in 0..=510 {
+            let exact = f64::from(half) / 2.0;
+            for sample in [exact.next_down(), exact, exact.next_up()] {
+                assert_eq!(
+                    f64::from(levels.of(sample)),
+                    (255.0 * sample / 255.0).round().clamp(0.0, 255.0),
+                    "{sample:e}"
+                );
+            }
+        }
+        assert_eq!([f64::MIN, -0.6, 255.6, f64::MAX].map(|sample| levels.of(sample)), [0, 0, 255, 255]);
     }
 
     #[test]

@@ -177,6 +177,7 @@ impl Header {
         Some(Self { descr: descr?, fortran_order: fortran_order?, shape: shape?, length })
     }
 
+    /// The array that this heads, in a file of its own; of an archive's the extent counts from the start of its entry.
     fn array(&self, path: &Path, kind: FileKind, limit: u64) -> Result<Array, VolumeError> {
         let (samples, endian, truth) = self.samples()?;
         let extent = Extent {

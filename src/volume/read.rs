@@ -46,8 +46,8 @@ const BARE: &[&str] = &[".raw", ".bin", ".dat"];
 /// (Z, Y, X) with X fastest, whatever the format's own order.
 ///
 /// # Errors
-/// [`ReadError`] names the file and says what was found, what was expected and what to do; a file that is read without
-/// one was complete, and no more than its header's promise was ever held in memory.
+/// [`ReadError`] names the file and says what was found, what was expected and what to do. A file that is read without
+/// one held everything that its header promises; no more than that is ever decoded.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), ReadError> {
     read_any(path, options).map_err(|error| ReadError { path: path.into(), error })
 }
