@@ -11,7 +11,7 @@ use crate::support::shared;
 
 /// A fixture; all are written by `make.py` beside them.
 fn fixture(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/volumes_b").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/pictures").join(name)
 }
 
 fn read_window(name: &str, lo: f64, hi: f64) -> (Volume, Source) {
@@ -69,18 +69,19 @@ fn every_type_of_sample_gives_the_same_voxels() {
 
 #[test]
 fn colour_pages_keep_their_colours() {
-    for name in ["rgb.tif", "rgb_planes.tif", "rgb_u2.tif", "rgba.tif"] {
+    for name in ["rgb.tif", "rgb_planes.tif", "rgb_u2.tif", "rgba.tif", "ome_colour.tif"] {
         assert_eq!(read_window(name, 0.0, 255.0).0, expected_colours(), "{name}");
     }
 }
 
 #[test]
-fn imagej_stacks_are_read_with_and_without_directories() {
+fn stacks_of_imagej_and_microscopes_tell_their_spacing() {
     for (name, samples) in [
         ("imagej.tif", SampleType::U8),
         ("imagej_one_directory_u1.tif", SampleType::U8),
         ("imagej_one_directory_u2.tif", SampleType::U16),
         ("imagej_one_directory_f4.tif", SampleType::F32),
+        ("ome.tif", SampleType::U8),
     ] {
         let (volume, source) = read_window(name, 0.0, 255.0);
         assert_eq!(volume, expected(), "{name}");
@@ -128,6 +129,7 @@ fn what_is_not_read_gets_a_sentence_that_says_why() {
         ("single.tif", "2 axes [7, 9]"),
         ("sizes.tif", "page 3 of the TIFF file has 7 x 8 pixels of grey u8"),
         ("hyperstack.tif", "2 channels"),
+        ("ome_channels.tif", "2 channels"),
     ] {
         let text = refusal(&fixture(name), &ReadOptions::default());
         assert!(text.contains(word), "{name}: {text}");

@@ -12,10 +12,13 @@
 //! - a palette, CMYK, YCbCr and JPEG are refused: their numbers are no intensities, or not the ones that were measured;
 //! - the orientation tag is ignored, as by every program that takes a page for an array.
 //!
-//! A single page whose description is ImageJ's may promise further planes behind the first (`imagej.rs`).
+//! The first page's description is heeded where it is ImageJ's (`imagej.rs`), which may promise further planes behind a
+//! single page, or a microscope's (`ome.rs`): both tell the distances of voxels, and whether the pages are channels or
+//! moments instead of slices, which no volume can hold.
 
 mod directory;
 mod imagej;
+mod ome;
 mod page;
 
 use std::fs::File;
@@ -26,6 +29,7 @@ use ::tiff::decoder::{Decoder, Limits};
 
 use self::directory::{Directory, Header, Walker, malformed};
 use self::imagej::Description;
+use self::ome::Pixels;
 use self::page::{DESCRIPTION, Page, STRIP_BYTES, STRIP_OFFSETS, X_RESOLUTION, Y_RESOLUTION};
 use super::picture::Format;
 use super::samples::{Endian, Samples};
@@ -47,7 +51,8 @@ pub(super) fn is_single_page(path: &Path) -> bool {
         let mut reader = open(path)?;
         let mut walker = Walker::new(&mut reader)?;
         let Some(directory) = walker.next_directory()? else { return Ok(false) };
-        Ok(!walker.more() && description(&mut walker, &directory)?.is_none_or(|text| text.images == 1))
+        Ok(!walker.more()
+            && Description::parse(&description(&mut walker, &directory)?).is_none_or(|text| text.images == 1))
     };
     single().unwrap_or(false)
 }
@@ -141,14 +146,29 @@ impl Stack {
             first.ok_or_else(|| malformed("the TIFF file has no page", "a volume has at least 3"))?;
         let planes = slices.iter().filter(|&&slice| slice).count() as u64;
         let mut stack = Self { page, slices, planes, contiguous: None, spacing: None, length: walker.length };
-        if let Some(text) = description(&mut walker, &directory)? {
-            stack.follow(&mut walker, &directory, text)?;
+        let text = description(&mut walker, &directory)?;
+        if let Some(text) = Description::parse(&text) {
+            stack.follow_imagej(&mut walker, &directory, text)?;
+        } else if let Some(pixels) = Pixels::parse(&text) {
+            stack.follow_ome(&pixels)?;
         }
         Ok(stack)
     }
 
+    /// Takes in what a microscope says of the stack.
+    fn follow_ome(&mut self, pixels: &Pixels) -> Result<(), VolumeError> {
+        if self.planes > 1 && pixels.is_hyperstack(self.page.format.channels) {
+            let Pixels { images, channels, slices, frames, .. } = pixels;
+            let what =
+                format!("an OME-TIFF of {images} images of {channels} channels, {slices} slices and {frames} frames");
+            return Err(only_slices(what));
+        }
+        self.spacing = pixels.spacing;
+        Ok(())
+    }
+
     /// Takes in what ImageJ says of the stack.
-    fn follow<R: Read + Seek>(
+    fn follow_imagej<R: Read + Seek>(
         &mut self,
         walker: &mut Walker<'_, R>,
         directory: &Directory,
@@ -156,10 +176,8 @@ impl Stack {
     ) -> Result<(), VolumeError> {
         if text.is_hyperstack() {
             let [channels, slices, frames] = [text.channels, text.slices, text.frames];
-            return Err(VolumeError::Unsupported {
-                what: format!("an ImageJ hyperstack of {channels} channels, {slices} slices and {frames} frames"),
-                supported: "stacks of slices alone: split the channels and frames".into(),
-            });
+            let what = format!("an ImageJ hyperstack of {channels} channels, {slices} slices and {frames} frames");
+            return Err(only_slices(what));
         }
         let resolution = [walker.fraction(directory, Y_RESOLUTION)?, walker.fraction(directory, X_RESOLUTION)?];
         if let ([Some(y), Some(x)], Some(z)) = (resolution, text.spacing) {
@@ -283,12 +301,13 @@ impl Stack {
     }
 }
 
-/// ImageJ's description of a page, where it has one.
-fn description<R: Read + Seek>(
-    walker: &mut Walker<'_, R>,
-    directory: &Directory,
-) -> Result<Option<Description>, VolumeError> {
-    Ok(walker.text(directory, DESCRIPTION)?.as_deref().and_then(Description::parse))
+/// The description of a page, empty where it has none.
+fn description<R: Read + Seek>(walker: &mut Walker<'_, R>, directory: &Directory) -> Result<String, VolumeError> {
+    Ok(walker.text(directory, DESCRIPTION)?.unwrap_or_default())
+}
+
+fn only_slices(what: String) -> VolumeError {
+    VolumeError::Unsupported { what, supported: "stacks of slices alone: split channels and frames".into() }
 }
 
 /// Appends the samples of a page whose channels come one after the other, pixel by pixel.
