@@ -161,3 +161,86 @@ fn sign(direction: &[f64]) -> f64 {
         direction.iter().fold(0.0_f64, |largest, &weight| if weight.abs() > largest.abs() { weight } else { largest });
     if largest < 0.0 { -1.0 } else { 1.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector, SymmetricEigen};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// A random covariance of `dims` features with `rank` directions.
+    fn covariance(dims: usize, rank: usize, numbers: &[f64]) -> DMatrix<f64> {
+        let factor = DMatrix::from_fn(dims, rank, |i, j| numbers[(7 * i + 31 * j + i * j) % numbers.len()]);
+        &factor * factor.transpose() / dims as f64
+    }
+
+    fn matrix(matrix: &DMatrix<f64>) -> Matrix {
+        Matrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)])
+    }
+
+    /// The recipe as it reads, on another eigensolver: the squared distance between two points, not of unit length.
+    fn reference(model: &[DMatrix<f64>; 3], weight: f64, dims: usize, difference: &DVector<f64>) -> f64 {
+        let scale = model[0].diagonal().map(|variance| if variance > 0.0 { variance.sqrt().recip() } else { 0.0 });
+        let scale = DMatrix::from_diagonal(&scale);
+        let [between, within, nuisance] = model.each_ref().map(|matrix| &scale * matrix * &scale);
+        let eigen = SymmetricEigen::new(between);
+        let largest = eigen.eigenvalues.max();
+        let kept: Vec<usize> =
+            (0..eigen.eigenvalues.len()).filter(|&at| eigen.eigenvalues[at] > LEAST_EIGENVALUE * largest).collect();
+        let white = DMatrix::from_fn(scale.nrows(), kept.len(), |i, j| {
+            eigen.eigenvectors[(i, kept[j])] / eigen.eigenvalues[kept[j]].sqrt()
+        });
+        let inner = SymmetricEigen::new(white.transpose() * (within + nuisance * weight) * &white);
+        let mut order: Vec<usize> = (0..kept.len()).collect();
+        order.sort_by(|&a, &b| inner.eigenvalues[a].total_cmp(&inner.eigenvalues[b]));
+        let z = difference.transpose() * scale * white;
+        let coordinate =
+            |at: &usize| (&z * inner.eigenvectors.column(*at))[0].powi(2) / (inner.eigenvalues[*at] + RIDGE);
+        order.iter().take(dims).map(coordinate).sum()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+        #[test]
+        fn distances_are_those_of_the_recipe(
+            features in 2..40_usize, dims in 1..12_usize, weight in 0.0..2.0_f64,
+            numbers in proptest::collection::vec(-1.0..1.0_f64, 997), other in proptest::collection::vec(-1.0..1.0_f64, 991),
+        ) {
+            let model = [
+                covariance(features, features + 5, &numbers),
+                covariance(features, features, &other),
+                covariance(features, 3, &numbers[100..]),
+            ];
+            let [between, within, nuisance] = model.each_ref().map(matrix);
+            let mean = vec![0.5; features];
+            let projection = Projection::fit(Model { mean, between, within, nuisance }, weight, dims);
+            let difference: Vec<f64> = other[..features].to_vec();
+            let point = projection.apply(difference.iter().map(|&d| Some(d)));
+            prop_assert_eq!(point.len(), dims);
+            let squared: f64 = point.iter().map(|c| c * c).sum();
+            let expected = reference(&model, weight, dims, &DVector::from_vec(difference));
+            prop_assert!((squared / expected - 1.0).abs() < 1e-6, "{} {}", squared, expected);
+        }
+    }
+
+    #[test]
+    fn constant_features_and_missing_directions_are_zero() {
+        // The third feature never varies, the fourth is the first once more.
+        let copies = [0, 1, usize::MAX, 0];
+        let of = |i: usize, j: usize| if copies[i] == copies[j] && copies[i] < 2 { 0.04 } else { 0.0 };
+        let model = Model {
+            mean: vec![0.5; 4],
+            between: Matrix::from_fn(4, 4, of),
+            within: Matrix::from_fn(4, 4, |i, j| of(i, j) * if copies[i] == 1 { 0.5 } else { 0.01 }),
+            nuisance: Matrix::zero(4, 4),
+        };
+        let projection = Projection::fit(model, 1.0, 5);
+        assert_eq!(projection.variances[2..], [0.0; 3]);
+        assert!(projection.weights.row(2).iter().all(|&weight| weight == 0.0));
+        assert!((projection.weights[(0, 0)] - projection.weights[(3, 0)]).abs() < 1e-12);
+        assert!(projection.weights[(0, 0)] > 0.0 && projection.weights[(1, 0)].abs() < 1e-9);
+        assert!(projection.weights.values().iter().all(|weight| weight.is_finite()));
+    }
+}

@@ -1,0 +1,96 @@
+//! What likeness costs: describing a texture in all its views, counting it, fitting a space, mapping to points.
+//!
+//! `cargo bench --bench space`. Each bench checks its answer once before it is timed.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use hlacdb::hlac::{self, MASK_COUNT, OctantSums, View, kernel};
+use hlacdb::space::{Contribution, Definition, Prior, Recipe, Space, Statistics};
+use hlacdb::synth;
+use hlacdb::volume::Volume;
+
+/// A cloudy texture of 64^3 voxels.
+fn texture() -> Volume {
+    let recipe = "name = \"bench\"\nseed = 3\nsize = 64\n[[group]]\nfamily = \"fbm\"\ncount = 1\n";
+    let specimens = synth::Recipe::parse(recipe).map(|recipe| recipe.specimens()).unwrap_or_default();
+    specimens[0].volume()
+}
+
+fn described() -> Vec<(View, OctantSums)> {
+    hlac::describe(&texture(), &View::DEFAULT_STORED)
+}
+
+fn describing(criterion: &mut Criterion) {
+    let volume = texture();
+    assert_eq!(described()[0].1, hlac::extract(&volume));
+    let mut group = criterion.benchmark_group(format!("describe 64^3, {}", kernel::active()));
+    group.bench_function("full@1 alone", |bencher| bencher.iter(|| hlac::extract(black_box(&volume))));
+    group.bench_function("eight views", |bencher| {
+        bencher.iter(|| hlac::describe(black_box(&volume), &View::DEFAULT_STORED));
+    });
+    for view in View::DEFAULT_STORED {
+        group.bench_function(format!("{view} alone"), |bencher| {
+            bencher.iter(|| hlac::describe(black_box(&volume), &[view]))
+        });
+    }
+    group.finish();
+}
+
+fn counting(criterion: &mut Criterion) {
+    let described = described();
+    for recipe in [Recipe::plain(), Recipe::oriented(), Recipe::pooled()] {
+        let contribution = Contribution::of_sums(&recipe, &described).ok().flatten();
+        let Some(contribution) = contribution else { continue };
+        let mut statistics = Statistics::new(&recipe);
+        let mut group = criterion.benchmark_group(format!("count {recipe}"));
+        group.bench_function("features", |bencher| {
+            bencher.iter(|| Contribution::of_sums(&recipe, black_box(&described)))
+        });
+        group.bench_function("add", |bencher| bencher.iter(|| statistics.add(black_box(&contribution))));
+        group.bench_function("encode", |bencher| bencher.iter(|| black_box(&statistics).encode()));
+        let bytes = statistics.encode();
+        assert_eq!(Statistics::decode(&bytes).as_ref(), Ok(&statistics));
+        group.bench_function("decode", |bencher| bencher.iter(|| Statistics::decode(black_box(&bytes))));
+        group.finish();
+    }
+}
+
+fn fitting(criterion: &mut Criterion) {
+    let described = described();
+    let mut group = criterion.benchmark_group("fit");
+    group.sample_size(20);
+    for name in ["oriented", "default"] {
+        let Some(definition) = Definition::built_in(name) else { continue };
+        let mut statistics = Statistics::new(&definition.recipe);
+        if let Ok(Some(contribution)) = Contribution::of_sums(&definition.recipe, &described) {
+            assert!(statistics.add(&contribution).is_ok());
+        }
+        let prior = Prior::shipped();
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| Space::fit(&definition, black_box(&statistics), None, &prior));
+        });
+    }
+    group.finish();
+}
+
+fn mapping(criterion: &mut Criterion) {
+    const ROWS: usize = 1000;
+    let described = described();
+    let descriptors: Vec<(View, [f32; MASK_COUNT])> =
+        described.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect();
+    let moments =
+        |_: usize, view: View| descriptors.iter().find(|(other, _)| *other == view).map(|(_, moments)| moments);
+    let mut group = criterion.benchmark_group("map 1000 descriptors");
+    for name in Definition::BUILT_IN {
+        let Some(definition) = Definition::built_in(name) else { continue };
+        let statistics = Statistics::new(&definition.recipe);
+        let Ok(space) = Space::fit(&definition, &statistics, None, &Prior::shipped()) else { continue };
+        assert_eq!(space.points(ROWS, moments).map(|points| points.len()), Ok(ROWS * space.dims()));
+        group.bench_function(name, |bencher| bencher.iter(|| space.points(black_box(ROWS), moments)));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, describing, counting, fitting, mapping);
+criterion_main!(benches);

@@ -1,0 +1,90 @@
+//! Moments and the points made of them, for `benches/peers/points.py` to check: `cargo run --release --example points
+//! DIR`.
+//!
+//! Writes moments.npy (textures, views, 251), octants.npy (textures, 8, views, 251), copies.npy (as moments.npy, one
+//! copy of each texture under all nuisances), all f32 and of the seven views of the default space; and the points of
+//! the default space (textures, 32) fitted on the textures and copies alone (points_own.npy), on the shipped prior
+//! alone (points_prior.npy), and on textures and prior (points_both.npy).
+
+use std::error::Error;
+use std::fs::File;
+use std::path::Path;
+
+use hlacdb::hlac::{self, MASK_COUNT, OctantSums, View};
+use hlacdb::space::{self, Contribution, Definition, Prior, Space, Statistics};
+use hlacdb::synth::families::FAMILIES;
+use hlacdb::synth::{Nuisance, Recipe};
+use npyz::WriterBuilder;
+use rayon::prelude::*;
+
+type Failure = Box<dyn Error + Send + Sync>;
+type Described = Vec<(View, OctantSums)>;
+
+const RECIPE: &str = "name = \"points\"\nseed = 99\nsize = 40\n";
+
+fn main() -> Result<(), Failure> {
+    let folder = std::env::args_os().nth(1).ok_or("say where: cargo run --release --example points DIR")?;
+    let folder = Path::new(&folder);
+    std::fs::create_dir_all(folder)?;
+    let groups: Vec<String> =
+        FAMILIES.iter().map(|family| format!("[[group]]\nfamily = \"{}\"\ncount = 8\n", family.name)).collect();
+    let specimens = Recipe::parse(&format!("{RECIPE}{}", groups.concat()))?.specimens();
+    let definition = Definition::built_in("default").ok_or("no default space")?;
+    let views = definition.recipe.views();
+    let described: Vec<(Described, Described)> = specimens
+        .par_iter()
+        .enumerate()
+        .map(|(at, specimen)| {
+            let volume = specimen.volume();
+            let copy = Nuisance::ALL.draw(at as u64).apply(&volume);
+            (hlac::describe(&volume, views), hlac::describe(&copy, views))
+        })
+        .collect();
+
+    let mut statistics = Statistics::new(&definition.recipe);
+    let mut nuisance = space::Nuisance::new(&definition.recipe);
+    for (texture, copy) in &described {
+        let [texture, copy] = [texture, copy].map(|d| Contribution::of_sums(&definition.recipe, d));
+        let (Some(texture), Some(copy)) = (texture?, copy?) else { return Err("a texture lacks a view".into()) };
+        statistics.add(&texture)?;
+        nuisance.add(&texture, &copy)?;
+    }
+    let nothing = Statistics::new(&definition.recipe);
+    let points = |space: Space| -> Result<Vec<f32>, Failure> {
+        let descriptors: Vec<Vec<_>> = described
+            .iter()
+            .map(|(d, _)| d.iter().map(|(v, sums)| (*v, sums.total().descriptor())).collect())
+            .collect();
+        let moments = |row: usize, view: View| descriptors[row].iter().find(|(v, _)| *v == view).map(|(_, m)| m);
+        Ok(space.points(descriptors.len(), moments)?)
+    };
+    let shape = |inner: &[usize]| [&[described.len()], inner].concat();
+    let prior = Prior::shipped();
+    for (name, space) in [
+        ("own", Space::fit(&definition, &statistics, Some(&nuisance), &Prior::none())?),
+        ("prior", Space::fit(&definition, &nothing, None, &prior)?),
+        ("both", Space::fit(&definition, &statistics, None, &prior)?),
+    ] {
+        let dims = space.dims();
+        write(folder, &format!("points_{name}.npy"), &shape(&[dims]), &points(space)?)?;
+    }
+    let totals = |d: &Described| d.iter().flat_map(|(_, sums)| sums.total().descriptor()).collect::<Vec<_>>();
+    let inner = [views.len(), MASK_COUNT];
+    let moments: Vec<f32> = described.iter().flat_map(|(texture, _)| totals(texture)).collect();
+    let copies: Vec<f32> = described.iter().flat_map(|(_, copy)| totals(copy)).collect();
+    let octant = |d: &Described, o: usize| d.iter().flat_map(move |(_, s)| s.0[o].descriptor()).collect::<Vec<_>>();
+    let octants: Vec<f32> = described.iter().flat_map(|(d, _)| (0..8).flat_map(|o| octant(d, o))).collect();
+    write(folder, "moments.npy", &shape(&inner), &moments)?;
+    write(folder, "copies.npy", &shape(&inner), &copies)?;
+    write(folder, "octants.npy", &shape(&[8, views.len(), MASK_COUNT]), &octants)?;
+    println!("{} textures; prior of {} as {}", described.len(), prior.textures(), prior.weight());
+    Ok(())
+}
+
+fn write(folder: &Path, name: &str, shape: &[usize], values: &[f32]) -> Result<(), Failure> {
+    let shape: Vec<u64> = shape.iter().map(|&length| length as u64).collect();
+    let mut writer =
+        npyz::WriteOptions::new().default_dtype().shape(&shape).writer(File::create(folder.join(name))?).begin_nd()?;
+    writer.extend(values.iter().copied())?;
+    Ok(writer.finish()?)
+}
