@@ -21,6 +21,7 @@ mod compact;
 mod descriptors;
 mod error;
 mod frame;
+mod guard;
 mod handle;
 mod header;
 mod keys;
