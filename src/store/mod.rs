@@ -49,7 +49,7 @@ pub use keys::{MAX_NAME, MAX_TAG_VALUE};
 pub use points::{MAX_POINT_WIDTH, PointsLayout, point_rows_per_block};
 pub use progress::{Progress, Report, silent};
 pub use reads::{Counts, Reads, Records};
-pub use record::{Content, Cut, Provenance, Record, RecordedMapping, StoredVoxels, path_bytes};
+pub use record::{Content, Cut, Provenance, Record, RecordedMapping, StoredVoxels, VoxelFilter, path_bytes};
 pub use rows::Rows;
 pub use sizes::TableSize;
 pub use snapshot::Snapshot;

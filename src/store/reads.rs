@@ -122,7 +122,7 @@ pub trait Reads: sealed::Source {
             let Some(record) = self.record(id)? else { return Ok(None) };
             let (Some(kept), Some(content)) = (record.voxels, &record.content) else { return Ok(None) };
             let stream = read_stream(self.tables(), id, kept.pieces, kept.bytes)?;
-            let volume = voxels::expand(content, &stream);
+            let volume = voxels::expand(content, kept.filter, &stream);
             volume.map(Some).map_err(|what| StoreError::damage("chunks", format!("id {id}"), what))
         })
     }

@@ -14,7 +14,7 @@ use super::open_blocks::OpenBlocks;
 use super::points::{self, MAX_POINT_WIDTH, PointsLayout, point_rows_per_block};
 use super::reads::sealed::Source as _;
 use super::reads::{self, Reads, sealed};
-use super::record::{Content, Cut, Provenance, Record, StoredRecord, StoredVoxels};
+use super::record::{Content, Cut, Provenance, Record, StoredRecord};
 use super::rows::{ROWS_PER_BLOCK, RowBlock};
 use super::tables::{Source, Tables};
 use super::voxels::CompressedVoxels;
@@ -87,7 +87,7 @@ impl Transaction {
         }
         tags.iter().try_for_each(|(key, value)| check_tag(key, value))?;
         check_descriptors(&descriptors)?;
-        let kept = voxels.as_ref().map(|v| StoredVoxels { bytes: v.bytes(), pieces: v.pieces().len() as u32 });
+        let kept = voxels.as_ref().map(CompressedVoxels::stored);
         let has_sums = sums.is_some();
         let record = StoredRecord { name, path, content, provenance, cut, tags, voxels: kept, has_sums };
         let encoded = encode_record(&record)?;
