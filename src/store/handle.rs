@@ -7,9 +7,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{PoisonError, RwLock, RwLockReadGuard};
 
 use redb::backends::FileBackend;
-use redb::{BackendError, Builder, ConcurrencyMode, Database, ReadOnlyDatabase, StorageBackend, WriteTransaction};
+use redb::{
+    BackendError, Builder, ConcurrencyMode, Database, ReadOnlyDatabase, ReadableDatabase, StorageBackend,
+    WriteTransaction,
+};
 
 use super::frame::{self, Kind};
+use super::guard::guarded;
 use super::header::{FORMAT_VERSION, Header, KEY_FORMAT, KEY_SETTINGS, KEY_STATE, KNOWN_FEATURES, State};
 use super::snapshot::{self, Snapshot};
 use super::tables::Source;
@@ -87,13 +91,12 @@ impl Options {
         let path = path.as_ref();
         let file = open_file(path, false)?;
         let backend = FileBackend::new(file).map_err(|error| self.refused(path, error))?;
-        let database =
-            self.builder(&backend).open_read_only_with_backend(backend).map_err(|error| self.refused(path, error))?;
-        let transaction =
-            redb::ReadableDatabase::begin_read(&database).map_err(StoreError::when("opening the store"))?;
-        check_version(path, Source::Read(&transaction), false)?;
-        drop(transaction);
-        Ok(Store { path: path.into(), handle: RwLock::new(Handle::Reader(database)) })
+        guarded("(file)", || {
+            let opened = self.builder(&backend).open_read_only_with_backend(backend);
+            let database = opened.map_err(|error| self.refused(path, error))?;
+            check_version(path, &database, false)?;
+            Ok(Store { path: path.into(), handle: RwLock::new(Handle::Reader(database)) })
+        })
     }
 
     /// Creates a store on a backend of the caller's own, which must be empty.
@@ -120,13 +123,12 @@ impl Options {
     }
 
     fn open_on(&self, path: &Path, backend: impl StorageBackend) -> Result<Store, StoreError> {
-        let database =
-            self.builder(&backend).create_with_backend(backend).map_err(|error| self.refused(path, error))?;
-        let transaction =
-            redb::ReadableDatabase::begin_read(&database).map_err(StoreError::when("opening the store"))?;
-        check_version(path, Source::Read(&transaction), true)?;
-        drop(transaction);
-        Ok(Store { path: path.into(), handle: RwLock::new(Handle::Writer(database)) })
+        guarded("(file)", || {
+            let opened = self.builder(&backend).create_with_backend(backend);
+            let database = opened.map_err(|error| self.refused(path, error))?;
+            check_version(path, &database, true)?;
+            Ok(Store { path: path.into(), handle: RwLock::new(Handle::Writer(database)) })
+        })
     }
 
     /// One writer and any number of readers, where the backend can lock; else (memory) the writer alone.
@@ -261,9 +263,11 @@ impl Store {
     pub(super) fn compact_pages(&self) -> Result<(), StoreError> {
         let mut handle = self.handle.write().unwrap_or_else(PoisonError::into_inner);
         let Handle::Writer(database) = &mut *handle else { return Err(StoreError::ReadOnly) };
-        // Each round may free what the next one can move into.
-        while database.compact().map_err(StoreError::when("compacting"))? {}
-        Ok(())
+        guarded("(file)", || {
+            // Each round may free what the next one can move into.
+            while database.compact().map_err(StoreError::when("compaction"))? {}
+            Ok(())
+        })
     }
 }
 
@@ -303,8 +307,10 @@ fn write_empty(database: &Database, settings: &Settings) -> Result<(), StoreErro
 }
 
 /// Refuses what is no store, and stores of other formats.
-fn check_version(path: &Path, source: Source<'_>, writing: bool) -> Result<(), StoreError> {
+fn check_version(path: &Path, database: &impl ReadableDatabase, writing: bool) -> Result<(), StoreError> {
     let path = path.to_path_buf();
+    let transaction = database.begin_read().map_err(StoreError::when("opening the store"))?;
+    let source = Source::Read(&transaction);
     let foreign = || StoreError::NotAStore { path: path.clone(), found: "a redb file of another program".into() };
     let meta = source.table(keys::META).map_err(|_| foreign())?;
     if meta.get(KEY_FORMAT)?.is_none() {

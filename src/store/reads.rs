@@ -6,6 +6,7 @@ use super::blob;
 use super::codec;
 use super::descriptors::{DESCRIPTOR_ROWS, DescriptorBlock, ViewCode};
 use super::frame::{self, Kind};
+use super::guard::guarded;
 use super::points::{self, PointsLayout, point_rows_per_block};
 use super::record::{Record, StoredRecord};
 use super::rows::{ROWS_PER_BLOCK, RowBlock, Rows};
@@ -62,10 +63,10 @@ pub trait Reads: sealed::Source {
     /// # Errors
     /// [`StoreError::Damage`], [`StoreError::Engine`]; so for all that follow.
     fn record(&self, id: u64) -> Result<Option<Record>, StoreError> {
-        match self.tables().source.table(keys::TEXTURES)?.get(id)? {
+        guarded("textures", || match self.tables().source.table(keys::TEXTURES)?.get(id)? {
             Some(value) => read_record(id, value.value()).map(Some),
             None => Ok(None),
-        }
+        })
     }
 
     /// All records in id order. A damaged record is one error, and the iterator goes on behind it.
@@ -75,86 +76,98 @@ pub trait Reads: sealed::Source {
 
     /// The texture with this content hash.
     fn find(&self, hash: &[u8; 32]) -> Result<Option<u64>, StoreError> {
-        match self.tables().source.table(keys::HASHES)?.get(hash)? {
+        guarded("hashes", || match self.tables().source.table(keys::HASHES)?.get(hash)? {
             Some(value) => read_hash(hash, value.value()).map(Some),
             None => Ok(None),
-        }
+        })
     }
 
     /// The ids of the textures whose tag `key` has this value, ascending.
     fn tagged(&self, key: &str, value: &str) -> Result<Vec<u64>, StoreError> {
-        let mut ids = Vec::new();
-        each_tag(self.tables(), &keys::tag_prefix(key, Some(value)), |_, _, id| ids.push(id))?;
-        Ok(ids)
+        guarded("tags", || {
+            let mut ids = Vec::new();
+            each_tag(self.tables(), &keys::tag_prefix(key, Some(value)), |_, _, id| ids.push(id))?;
+            Ok(ids)
+        })
     }
 
     /// The values that the tag `key` has, ascending by bytes, each with the number of its textures.
     fn tag_values(&self, key: &str) -> Result<Vec<(String, u64)>, StoreError> {
-        let mut values: Vec<(String, u64)> = Vec::new();
-        each_tag(self.tables(), &keys::tag_prefix(key, None), |_, value, _| match values.last_mut() {
-            Some((last, count)) if last == value => *count += 1,
-            _ => values.push((value.to_owned(), 1)),
-        })?;
-        Ok(values)
+        guarded("tags", || {
+            let mut values: Vec<(String, u64)> = Vec::new();
+            each_tag(self.tables(), &keys::tag_prefix(key, None), |_, value, _| match values.last_mut() {
+                Some((last, count)) if last == value => *count += 1,
+                _ => values.push((value.to_owned(), 1)),
+            })?;
+            Ok(values)
+        })
     }
 
     /// The keys of all tags, ascending by bytes.
     fn tag_keys(&self) -> Result<Vec<String>, StoreError> {
-        let mut keys: Vec<String> = Vec::new();
-        each_tag(self.tables(), &[], |key, _, _| {
-            if keys.last().is_none_or(|last| last != key) {
-                keys.push(key.to_owned());
-            }
-        })?;
-        Ok(keys)
+        guarded("tags", || {
+            let mut keys: Vec<String> = Vec::new();
+            each_tag(self.tables(), &[], |key, _, _| {
+                if keys.last().is_none_or(|last| last != key) {
+                    keys.push(key.to_owned());
+                }
+            })?;
+            Ok(keys)
+        })
     }
 
     /// The voxels of the texture `id`; `None` where there is no such texture or its voxels are not kept.
     fn voxels(&self, id: u64) -> Result<Option<Volume>, StoreError> {
-        let Some(record) = self.record(id)? else { return Ok(None) };
-        let (Some(kept), Some(content)) = (record.voxels, &record.content) else { return Ok(None) };
-        let stream = read_stream(self.tables(), id, kept.pieces, kept.bytes)?;
-        let volume = voxels::expand(content, &stream);
-        volume.map(Some).map_err(|what| StoreError::damage("chunks", format!("id {id}"), what))
+        guarded("chunks", || {
+            let Some(record) = self.record(id)? else { return Ok(None) };
+            let (Some(kept), Some(content)) = (record.voxels, &record.content) else { return Ok(None) };
+            let stream = read_stream(self.tables(), id, kept.pieces, kept.bytes)?;
+            let volume = voxels::expand(content, kept.filter, &stream);
+            volume.map(Some).map_err(|what| StoreError::damage("chunks", format!("id {id}"), what))
+        })
     }
 
     /// The exact sums of `full@1` of the texture `id`; `None` where there is no such texture or its sums are not kept.
     fn sums(&self, id: u64) -> Result<Option<Sums>, StoreError> {
-        match self.tables().source.table(keys::SUMS)?.get(id)? {
+        guarded("sums", || match self.tables().source.table(keys::SUMS)?.get(id)? {
             Some(value) => sums::decode(id, value.value()).map(Some),
             None => Ok(None),
-        }
+        })
     }
 
     /// All rows: which texture has which.
     fn rows(&self) -> Result<Rows, StoreError> {
-        let tables = self.tables();
-        let mut rows = Rows::default();
-        for block in 0..row_blocks(tables) {
-            let block = row_block(tables, block)?;
-            rows.ids.extend_from_slice(&block.ids);
-            rows.live.extend(&block.live);
-        }
-        Ok(rows)
+        guarded("rows", || {
+            let tables = self.tables();
+            let mut rows = Rows::default();
+            for block in 0..row_blocks(tables) {
+                let block = row_block(tables, block)?;
+                rows.ids.extend_from_slice(&block.ids);
+                rows.live.extend(&block.live);
+            }
+            Ok(rows)
+        })
     }
 
     /// The row of the texture `id`, by bisection over the row blocks; `None` where there is no such texture.
     fn row(&self, id: u64) -> Result<Option<u64>, StoreError> {
-        let tables = self.tables();
-        let (mut low, mut high) = (0, row_blocks(tables));
-        while low < high {
-            let middle = low + (high - low) / 2;
-            let block = row_block(tables, middle)?;
-            match block.ids.binary_search(&id) {
-                Ok(row) => {
-                    let row = block.live.get(row).then_some(u64::from(middle) * ROWS_PER_BLOCK as u64 + row as u64);
-                    return Ok(row);
+        guarded("rows", || {
+            let tables = self.tables();
+            let (mut low, mut high) = (0, row_blocks(tables));
+            while low < high {
+                let middle = low + (high - low) / 2;
+                let block = row_block(tables, middle)?;
+                match block.ids.binary_search(&id) {
+                    Ok(row) => {
+                        let row = block.live.get(row).then_some(u64::from(middle) * ROWS_PER_BLOCK as u64 + row as u64);
+                        return Ok(row);
+                    }
+                    Err(0) => high = middle,
+                    Err(_) => low = middle + 1,
                 }
-                Err(0) => high = middle,
-                Err(_) => low = middle + 1,
             }
-        }
-        Ok(None)
+            Ok(None)
+        })
     }
 
     /// The number of descriptor blocks that rows are spread over, [`DESCRIPTOR_ROWS`] rows each.
@@ -164,72 +177,78 @@ pub trait Reads: sealed::Source {
 
     /// The moments of the rows of one block in one view; `None` where no row of the block has that view.
     fn descriptors(&self, view: ViewCode, block: u32) -> Result<Option<DescriptorBlock>, StoreError> {
-        descriptor_block(self.tables(), view, block)
+        guarded("descriptors", || descriptor_block(self.tables(), view, block))
     }
 
     /// The moments of the texture `id` in one view; `None` where there is no such texture, or it lacks the view.
     fn descriptor(&self, id: u64, view: ViewCode) -> Result<Option<[f32; MASK_COUNT]>, StoreError> {
-        let Some(row) = self.row(id)? else { return Ok(None) };
-        let block = self.descriptors(view, (row / DESCRIPTOR_ROWS as u64) as u32)?;
-        Ok(block.and_then(|block| block.row((row % DESCRIPTOR_ROWS as u64) as usize).copied()))
+        guarded("descriptors", || {
+            let Some(row) = self.row(id)? else { return Ok(None) };
+            let block = self.descriptors(view, (row / DESCRIPTOR_ROWS as u64) as u32)?;
+            Ok(block.and_then(|block| block.row((row % DESCRIPTOR_ROWS as u64) as usize).copied()))
+        })
     }
 
     /// The views of which there are descriptors, by code.
     fn described_views(&self) -> Result<Vec<ViewCode>, StoreError> {
-        let tables = self.tables();
-        let table = tables.source.table(keys::DESCRIPTORS)?;
-        let mut views = Vec::new();
-        let mut next = Some(0);
-        while let Some(code) = next {
-            let Some(entry) = table.range((code, 0)..)?.next() else { break };
-            let (key, _) = entry.map_err(StoreError::when("reading the store"))?;
-            let code = key.value().0;
-            views.push(ViewCode(code));
-            next = code.checked_add(1);
-        }
-        if let Some((_, open)) = tables.open.and_then(|open| open.descriptors.as_ref()) {
-            views.extend(open.keys());
-            views.sort_unstable();
-            views.dedup();
-        }
-        Ok(views)
+        guarded("descriptors", || {
+            let tables = self.tables();
+            let table = tables.source.table(keys::DESCRIPTORS)?;
+            let mut views = Vec::new();
+            let mut next = Some(0);
+            while let Some(code) = next {
+                let Some(entry) = table.range((code, 0)..)?.next() else { break };
+                let (key, _) = entry.map_err(StoreError::when("reading the store"))?;
+                let code = key.value().0;
+                views.push(ViewCode(code));
+                next = code.checked_add(1);
+            }
+            if let Some((_, open)) = tables.open.and_then(|open| open.descriptors.as_ref()) {
+                views.extend(open.keys());
+                views.sort_unstable();
+                views.dedup();
+            }
+            Ok(views)
+        })
     }
 
     /// The statistics kept under `key`.
     fn statistics(&self, key: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        blob::STATISTICS.get(self.tables(), key)
+        guarded("statistics", || blob::STATISTICS.get(self.tables(), key))
     }
 
     /// The keys of all statistics, ascending.
     fn statistics_keys(&self) -> Result<Vec<String>, StoreError> {
-        blob::STATISTICS.names(self.tables())
+        guarded("statistics", || blob::STATISTICS.names(self.tables()))
     }
 
     /// The space kept under `name`.
     fn space(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        blob::SPACES.get(self.tables(), name)
+        guarded("spaces", || blob::SPACES.get(self.tables(), name))
     }
 
     /// The names of all spaces, ascending.
     fn spaces(&self) -> Result<Vec<String>, StoreError> {
-        blob::SPACES.names(self.tables())
+        guarded("spaces", || blob::SPACES.names(self.tables()))
     }
 
     /// How the points of `space` are laid out; `None` where it has none.
     fn points_layout(&self, space: &str) -> Result<Option<PointsLayout>, StoreError> {
-        let key = keys::points_layout(space);
-        match self.tables().source.table(keys::POINTS)?.get(&key[..])? {
-            Some(value) => frame::open(Kind::PointsLayout, &key, value.value())
-                .and_then(PointsLayout::decode)
-                .map(Some)
-                .map_err(|what| StoreError::damage("points", format!("space {space}"), what)),
-            None => Ok(None),
-        }
+        guarded("points", || {
+            let key = keys::points_layout(space);
+            match self.tables().source.table(keys::POINTS)?.get(&key[..])? {
+                Some(value) => frame::open(Kind::PointsLayout, &key, value.value())
+                    .and_then(PointsLayout::decode)
+                    .map(Some)
+                    .map_err(|what| StoreError::damage("points", format!("space {space}"), what)),
+                None => Ok(None),
+            }
+        })
     }
 
     /// The names of the spaces that have points, ascending.
     fn spaces_with_points(&self) -> Result<Vec<String>, StoreError> {
-        blob::names(&self.tables().source.table(keys::POINTS)?, "points")
+        guarded("points", || blob::names(&self.tables().source.table(keys::POINTS)?, "points"))
     }
 
     /// The coordinates of one block of one part of `space`, row-major: rows
@@ -238,7 +257,7 @@ pub trait Reads: sealed::Source {
     /// # Errors
     /// As above; [`StoreError::Invalid`] for a part or block that the layout does not have.
     fn points(&self, space: &str, layout: &PointsLayout, part: u8, block: u32) -> Result<Vec<f32>, StoreError> {
-        point_block(self.tables(), space, layout, part, block)
+        guarded("points", || point_block(self.tables(), space, layout, part, block))
     }
 }
 
@@ -270,7 +289,7 @@ impl Iterator for Records<'_> {
     fn next(&mut self) -> Option<Self::Item> {
         if self.read.is_empty() {
             let from = self.next?;
-            if let Err(error) = self.fill(from) {
+            if let Err(error) = guarded("textures", || self.fill(from)) {
                 self.next = None;
                 self.read.push_back(Err(error));
             }

@@ -81,6 +81,17 @@ pub struct StoredVoxels {
     pub bytes: u64,
     /// The number of pieces it is cut into.
     pub pieces: u32,
+    /// What was done to the voxels before compression.
+    pub filter: VoxelFilter,
+}
+
+/// What is done to voxels before compression, and undone after it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum VoxelFilter {
+    /// Nothing: best for labels and masks.
+    Plain,
+    /// Differences modulo 256 along X, Y and Z: best for smooth grey levels.
+    Differences,
 }
 
 /// What is known of one texture, apart from its numbers. There are no timestamps: the same inputs make the same store.
@@ -183,7 +194,7 @@ mod tests {
             }),
             cut: Some(Cut { offset: [1, 2, 3], parent: [9, 9, 9] }),
             tags: [("k".to_owned(), "v".to_owned())].into(),
-            voxels: Some(StoredVoxels { bytes: 6, pieces: 1 }),
+            voxels: Some(StoredVoxels { bytes: 6, pieces: 1, filter: VoxelFilter::Differences }),
             has_sums: true,
         }
     }
@@ -221,7 +232,7 @@ mod tests {
             &words(&[1]),
             b"v\x01",
             &words(&[6]),
-            &[1, 0, 0, 0, 1],
+            &[1, 0, 0, 0, 1, 0, 0, 0, 1],
         ]
         .concat();
         assert_eq!(codec::encode(&full()), Some(expected.clone()));

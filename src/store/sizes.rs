@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use redb::{ReadableTableMetadata, TableHandle};
 
 use super::StoreError;
+use super::guard::guarded;
 use super::snapshot::Snapshot;
 
 /// The bytes of one table.
@@ -33,20 +34,22 @@ impl Snapshot {
     /// # Errors
     /// [`StoreError::Engine`], [`StoreError::Damage`].
     pub fn sizes(&self) -> Result<BTreeMap<String, TableSize>, StoreError> {
-        let failed = "measuring the store";
-        let mut sizes = BTreeMap::new();
-        for handle in self.transaction().list_tables().map_err(StoreError::when(failed))? {
-            let name = handle.name().to_owned();
-            let table = self.transaction().open_untyped_table(handle).map_err(StoreError::when(failed))?;
-            let stats = table.stats().map_err(StoreError::when(failed))?;
-            let size = TableSize {
-                entries: table.len().map_err(StoreError::when(failed))?,
-                stored: stats.stored_bytes(),
-                metadata: stats.metadata_bytes(),
-                fragmented: stats.fragmented_bytes(),
-            };
-            sizes.insert(name, size);
-        }
-        Ok(sizes)
+        guarded("(file)", || {
+            let failed = "measuring the store";
+            let mut sizes = BTreeMap::new();
+            for handle in self.transaction().list_tables().map_err(StoreError::when(failed))? {
+                let name = handle.name().to_owned();
+                let table = self.transaction().open_untyped_table(handle).map_err(StoreError::when(failed))?;
+                let stats = table.stats().map_err(StoreError::when(failed))?;
+                let size = TableSize {
+                    entries: table.len().map_err(StoreError::when(failed))?,
+                    stored: stats.stored_bytes(),
+                    metadata: stats.metadata_bytes(),
+                    fragmented: stats.fragmented_bytes(),
+                };
+                sizes.insert(name, size);
+            }
+            Ok(sizes)
+        })
     }
 }

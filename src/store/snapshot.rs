@@ -5,6 +5,7 @@ use std::sync::Arc;
 use redb::{ReadTransaction, ReadableDatabase};
 
 use super::frame::{self, Kind};
+use super::guard::guarded;
 use super::header::{Header, KEY_FORMAT, KEY_SETTINGS, KEY_STATE, State};
 use super::reads::{Reads, sealed};
 use super::tables::{Source, Tables};
@@ -25,9 +26,11 @@ struct Inner {
 
 impl Snapshot {
     pub(super) fn take(database: &impl ReadableDatabase) -> Result<Self, StoreError> {
-        let transaction = database.begin_read().map_err(StoreError::when("taking a snapshot"))?;
-        let (state, settings) = read_meta(Source::Read(&transaction))?;
-        Ok(Self { inner: Arc::new(Inner { transaction, state, settings }) })
+        guarded("meta", || {
+            let transaction = database.begin_read().map_err(StoreError::when("taking a snapshot"))?;
+            let (state, settings) = read_meta(Source::Read(&transaction))?;
+            Ok(Self { inner: Arc::new(Inner { transaction, state, settings }) })
+        })
     }
 
     pub(super) fn transaction(&self) -> &ReadTransaction {

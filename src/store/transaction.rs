@@ -8,12 +8,13 @@ use redb::WriteTransaction;
 
 use super::descriptors::{DESCRIPTOR_ROWS, DescriptorBlock, ViewCode};
 use super::frame::{self, Kind};
+use super::guard::guarded;
 use super::header::{KEY_SETTINGS, KEY_STATE, State};
 use super::open_blocks::OpenBlocks;
 use super::points::{self, MAX_POINT_WIDTH, PointsLayout, point_rows_per_block};
 use super::reads::sealed::Source as _;
 use super::reads::{self, Reads, sealed};
-use super::record::{Content, Cut, Provenance, Record, StoredRecord, StoredVoxels};
+use super::record::{Content, Cut, Provenance, Record, StoredRecord};
 use super::rows::{ROWS_PER_BLOCK, RowBlock};
 use super::tables::{Source, Tables};
 use super::voxels::CompressedVoxels;
@@ -86,7 +87,7 @@ impl Transaction {
         }
         tags.iter().try_for_each(|(key, value)| check_tag(key, value))?;
         check_descriptors(&descriptors)?;
-        let kept = voxels.as_ref().map(|v| StoredVoxels { bytes: v.bytes(), pieces: v.pieces().len() as u32 });
+        let kept = voxels.as_ref().map(CompressedVoxels::stored);
         let has_sums = sums.is_some();
         let record = StoredRecord { name, path, content, provenance, cut, tags, voxels: kept, has_sums };
         let encoded = encode_record(&record)?;
@@ -324,8 +325,9 @@ impl Transaction {
         self.state.revision += 1;
         let encoded = codec::encode(&self.state).ok_or(StoreError::Broken)?;
         self.insert(keys::META, KEY_STATE, &*frame::seal(Kind::State, KEY_STATE, &encoded))?;
-        self.transaction.commit().map_err(StoreError::when("committing"))?;
-        Ok(self.state.revision)
+        let Self { transaction, state, .. } = self;
+        guarded("(file)", || transaction.commit().map_err(StoreError::when("committing")))?;
+        Ok(state.revision)
     }
 
     /// Writes every open block to its table.
@@ -356,7 +358,7 @@ impl Transaction {
             return Err(StoreError::Broken);
         }
         self.broken = true;
-        let done = operation(self)?;
+        let done = guarded("(file)", || operation(self))?;
         self.broken = false;
         Ok(done)
     }
@@ -535,6 +537,12 @@ impl sealed::Source for Transaction {
 }
 
 impl Reads for Transaction {}
+
+impl std::fmt::Debug for Transaction {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Transaction").field("state", &self.state).field("broken", &self.broken).finish_non_exhaustive()
+    }
+}
 
 fn encode_record(record: &StoredRecord) -> Result<Vec<u8>, StoreError> {
     codec::encode(record)

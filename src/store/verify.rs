@@ -4,13 +4,15 @@ use std::collections::{BTreeMap, HashMap};
 
 use rayon::prelude::*;
 
+use super::blob::{self, Blobs};
 use super::frame::{self, Kind};
+use super::guard::guarded;
 use super::progress::{Report, tell};
 use super::reads::sealed::Source as _;
 use super::reads::{self, Reads};
 use super::record::{Content, Record};
 use super::snapshot::Snapshot;
-use super::{Damage, DescriptorBlock, StoreError, blob, keys, sums};
+use super::{Damage, DescriptorBlock, StoreError, keys, sums};
 use crate::volume::Volume;
 
 const DOING: &str = "verification";
@@ -79,22 +81,25 @@ struct Walk<'a, 'r> {
 impl Walk<'_, '_> {
     /// Every table. Each walk goes on where the one before it met damage.
     fn everything(&mut self) -> Result<(), StoreError> {
-        let walks: [fn(&mut Self) -> Result<(), StoreError>; 9] = [
-            Self::textures,
-            Self::rows,
-            Self::hashes,
-            Self::tags,
-            Self::chunks,
-            Self::sums,
-            Self::descriptors,
-            Self::blobs,
-            Self::points,
-        ];
-        for walk in walks {
-            let done = walk(self);
-            self.contain(done)?;
-        }
-        Ok(())
+        self.walk("textures", Self::textures)?;
+        self.walk("rows", Self::rows)?;
+        self.walk("hashes", Self::hashes)?;
+        self.walk("tags", Self::tags)?;
+        self.walk("chunks", Self::chunks)?;
+        self.walk("sums", Self::sums)?;
+        self.walk("descriptors", Self::descriptors)?;
+        self.walk("statistics", |this| this.blobs(blob::STATISTICS))?;
+        self.walk("spaces", |this| this.blobs(blob::SPACES))?;
+        self.walk("points", Self::points)
+    }
+
+    fn walk(
+        &mut self,
+        table: &'static str,
+        walk: impl FnOnce(&mut Self) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        let done = guarded(table, || walk(self));
+        self.contain(done)
     }
 
     /// Puts damage into the report; other errors go up.
@@ -330,35 +335,29 @@ impl Walk<'_, '_> {
         Ok(())
     }
 
-    fn blobs(&mut self) -> Result<(), StoreError> {
+    fn blobs(&mut self, blobs: Blobs) -> Result<(), StoreError> {
+        const PHASE: &str = "checking statistics and spaces";
         let tables = self.snapshot.tables();
-        for blobs in [blob::STATISTICS, blob::SPACES] {
-            let table = tables.source.table(blobs.table)?;
-            let total = table.len()?;
-            self.begin(blobs.name, "checking statistics and spaces", total)?;
-            for name in blobs.names(tables)? {
-                let read = blobs.get(tables, &name);
-                // No piece 0: what is there hangs in the air.
-                let whole = read.map(|blob| blob.is_some());
-                if let Ok(false) = whole {
-                    self.damage(blobs.name, &name, "the first piece is missing");
-                }
-                self.contain(whole.map(drop))?;
+        let table = tables.source.table(blobs.table)?;
+        let total = table.len()?;
+        self.begin(blobs.name, PHASE, total)?;
+        for name in blobs.names(tables)? {
+            let there = blobs.get(tables, &name).map(|blob| blob.is_some());
+            if let Ok(false) = there {
+                self.damage(blobs.name, &name, "the first piece is missing");
             }
-            // Pieces behind a gap are not reached by name.
-            let mut expected = None;
-            for entry in table.range::<&[u8]>(..)? {
-                let (key, _) = entry.map_err(StoreError::when("reading the store"))?;
-                self.count(blobs.name, "checking statistics and spaces", total)?;
-                let label = key.value().escape_ascii().to_string();
-                let parsed = keys::parse_piece(key.value()).map(|(name, n)| (name.to_owned(), n));
-                match (parsed, &expected) {
-                    (Some((name, n)), Some((last, next))) if name == *last && n == *next => {
-                        expected = Some((name, n + 1));
-                    }
-                    (Some((name, 0)), _) => expected = Some((name, 1)),
-                    _ => self.damage(blobs.name, label, "the piece belongs to no blob"),
-                }
+            self.contain(there.map(drop))?;
+        }
+        // Pieces behind a gap are not reached by name.
+        let mut expected = None;
+        for entry in table.range::<&[u8]>(..)? {
+            let (key, _) = entry.map_err(StoreError::when("reading the store"))?;
+            self.count(blobs.name, PHASE, total)?;
+            let parsed = keys::parse_piece(key.value()).map(|(name, n)| (name.to_owned(), n));
+            match (parsed, &expected) {
+                (Some((name, n)), Some((last, next))) if name == *last && n == *next => expected = Some((name, n + 1)),
+                (Some((name, 0)), _) => expected = Some((name, 1)),
+                _ => self.damage(blobs.name, key.value().escape_ascii().to_string(), "the piece belongs to no blob"),
             }
         }
         Ok(())

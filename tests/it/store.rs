@@ -1,6 +1,7 @@
 //! The store through its public door: files, handles, states.
 
 mod damage;
+mod faults;
 mod migrate;
 mod model;
 

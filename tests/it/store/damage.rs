@@ -57,10 +57,7 @@ fn flip<K: Key + 'static>(
     table: TableDefinition<'static, K, &'static [u8]>,
     nth: usize,
     bit: usize,
-) -> impl FnOnce(&WriteTransaction)
-where
-    for<'a> K: Value<SelfType<'a>: Clone>,
-{
+) -> impl FnOnce(&WriteTransaction) {
     move |transaction| {
         let mut table = transaction.open_table(table).unwrap();
         let mut cursor = None;

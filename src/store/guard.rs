@@ -1,0 +1,32 @@
+//! The engine's panics, contained.
+//!
+//! The engine trusts the pages that it reads: a flipped bit in a page's own head or offsets makes it panic. A library
+//! that promises to name damage must not fall with it, so whatever touches pages runs in [`guarded`].
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use super::StoreError;
+
+/// Runs `work`, which reads or writes pages of `table`; a panic in it is damage of that table's pages.
+pub(super) fn guarded<T>(table: &'static str, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
+    // Nothing of ours is seen half-changed afterwards: a snapshot never changes, and a transaction whose operation did
+    // not return is broken. What the engine's own locks guarded it refuses from then on.
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
+        let what = format!("the engine stumbled over a damaged page ({})", text.unwrap_or("no message"));
+        Err(StoreError::damage(table, "(pages)", what))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_becomes_damage() {
+        let error = guarded::<()>("sums", || panic!("range end index {}", 9)).unwrap_err();
+        let text = error.to_string();
+        assert!(text.contains("sums") && text.contains("range end index 9"), "{text}");
+        assert_eq!(guarded("sums", || Ok(1)).unwrap(), 1);
+    }
+}
