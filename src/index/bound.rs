@@ -8,8 +8,8 @@
 //! * The rest norm is summed in `f64` and rounded once: off by less than `2 u` of itself. A norm beyond the range of
 //!   `f32` is cut to its maximum, which only brings norms nearer. So the rounded keys are at most
 //!   `s = 2 u (rest of the query + greatest rest of all rows)` farther apart than the exact ones: `K <= D + s`.
-//! * A difference and a square cost a factor `(1 + u)^3` at most, each addition `1 + u`: with at most [`MAX_WIDTH`] = 16
-//!   numbers in a key the sum of a scan is below `K^2 (1 + u)^19`. The tree replaces one axis' share in the
+//! * A difference and a square cost a factor `(1 + u)^3` at most, each addition `1 + u`: with at most 9 numbers
+//!   in a key ([`WIDTHS`]) the sum of a scan is below `K^2 (1 + u)^12`. The tree replaces one axis' share in the
 //!   sum on every level, two operations of at most `2 u K^2` in all, on at most 64 levels: 128 `u` more.
 //! * The distance that ranks a row is computed in `f64`, off by less than `2^-30` of itself for as many coordinates as
 //!   memory holds.
@@ -21,9 +21,6 @@
 //! where the threshold is infinite as well.
 
 use super::Metric;
-
-/// Numbers in the longest key.
-pub(super) const MAX_WIDTH: usize = 16;
 
 /// Rows whose keys stand interleaved, so that one pass of vector instructions bounds them all.
 pub(super) const LANES: usize = 16;
@@ -40,30 +37,31 @@ pub(super) struct KeyShape {
     rest: Vec<usize>,
 }
 
-/// Leading coordinates of points that have more than that; see the measurements in `kdtree.rs`.
-const LEADING: usize = 8;
+/// Numbers in the key of a point of few and of many coordinates: two widths, so that two kinds of tree serve all.
+pub(super) const WIDTHS: [usize; 2] = [4, 8];
 
-/// Leading coordinates of a key. Short points get few, so that trees of a handful of widths serve all dimensions.
-fn leading(dims: usize) -> usize {
+/// Numbers in the key of a point, and how many of its coordinates lead. Keys of fewer than four coordinates are filled
+/// up with zeros.
+fn width_and_leading(dims: usize) -> (usize, usize) {
+    let [few, many] = WIDTHS;
     match dims {
-        0..=2 => dims,
-        3..=4 => 2,
-        5..=LEADING => 4,
-        _ => LEADING,
+        _ if dims <= few => (few, dims),
+        _ if dims < many => (few, few - 1),
+        _ => (many, many - 1),
     }
 }
 
 impl KeyShape {
     /// The first coordinates lead: right for points whose coordinates are ordered by variance.
     pub(super) fn first(dims: usize) -> Self {
-        Self::new(dims, (0..leading(dims)).collect())
+        Self::new(dims, (0..width_and_leading(dims).1).collect())
     }
 
     /// The coordinates of greatest `spread` lead; equal ones in their own order.
     pub(super) fn widest(spread: &[f64]) -> Self {
         let mut order: Vec<usize> = (0..spread.len()).collect();
         order.sort_by(|&a, &b| spread[b].total_cmp(&spread[a]).then(a.cmp(&b)));
-        order.truncate(leading(spread.len()));
+        order.truncate(width_and_leading(spread.len()).1);
         order.sort_unstable();
         Self::new(spread.len(), order)
     }
@@ -73,9 +71,9 @@ impl KeyShape {
         Self { axes, rest }
     }
 
-    /// Numbers in a key: at least 1, at most [`MAX_WIDTH`].
+    /// Numbers in a key: one of [`WIDTHS`].
     pub(super) fn width(&self) -> usize {
-        self.axes.len() + usize::from(!self.rest.is_empty())
+        width_and_leading(self.axes.len() + self.rest.len()).0
     }
 
     /// The key of a point, one number at a time.
@@ -85,7 +83,8 @@ impl KeyShape {
             // Cut, not infinite: the difference of two infinities would be NaN and lose the row.
             norm.min(f64::from(f32::MAX)) as f32
         });
-        self.axes.iter().map(|&axis| point[axis]).chain(norm)
+        let zeros = std::iter::repeat(0.0);
+        self.axes.iter().map(|&axis| point[axis]).chain(norm).chain(zeros).take(self.width())
     }
 
     /// Whether the last number of a key is a rounded norm.
@@ -97,7 +96,7 @@ impl KeyShape {
 /// The key of a query, ready to be compared with the keys of rows.
 pub(super) struct Probe {
     metric: Metric,
-    key: [f32; MAX_WIDTH],
+    key: [f32; WIDTHS[1]],
     width: usize,
     /// How much rounded norms may add to the distance of two keys.
     slack: f64,
@@ -106,7 +105,7 @@ pub(super) struct Probe {
 impl Probe {
     /// For rows whose rest norms are at most `reach`.
     pub(super) fn new(metric: Metric, shape: &KeyShape, point: &[f32], reach: f32) -> Self {
-        let mut key = [0.0; MAX_WIDTH];
+        let mut key = [0.0; WIDTHS[1]];
         let mut width = 0;
         for value in shape.key(metric, point) {
             key[width] = value;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::kdtree::Effort;
 use super::question::{Allowed, Best};
 use super::{IndexError, KdTree, Metric, Neighbour, Points, Question, linear};
 
@@ -56,11 +57,14 @@ impl FromStr for Method {
     }
 }
 
-/// Fewer live rows than this need no tree: the scan answers as quickly.
-const TREE_ROWS: usize = 2048;
+/// Fewer live rows than this need no tree: the scan answers as quickly (25 us).
+const TREE_ROWS: usize = 8192;
 
-/// Asking for more than this fraction of the rows, the scan is quicker.
-const TREE_FRACTION: usize = 64;
+/// Asking for more than this fraction of the rows, the scan is as quick.
+const TREE_FRACTION: usize = 256;
+
+/// Rows of a tail that are scanned in a few microseconds, whatever the size of the tree.
+const SMALL_TAIL: usize = 2048;
 
 /// Points, and a tree over the first of them where one was built. A clone is a snapshot that shares all memory.
 #[derive(Clone)]
@@ -136,9 +140,9 @@ impl Index {
 
     /// What [`Method::Auto`] comes to for this question; the other two are returned as they are.
     ///
-    /// The tree answers where there is one over most rows, at least 2048 rows are live, `k` is at most 1/64 of them (and
-    /// a radius, which may let in anything, is not all that bounds the answer), and the filter is none or a predicate or a
-    /// list of at least 1/8 of the rows. Everything else is the scan's.
+    /// The tree answers where there is one over at least half of the rows, at least 8192 rows are live, `k` is at most
+    /// 1/256 of them, and the filter is none, a predicate, or a list of at least 1/8 of the rows (a shorter list is looked
+    /// up id by id). Everything else is the scan's.
     pub fn choose(&self, question: &Question<'_>, method: Method) -> Method {
         if method != Method::Auto {
             return method;
@@ -146,7 +150,7 @@ impl Index {
         let rows = self.points.len();
         let few_asked = question.k <= rows / TREE_FRACTION;
         let broad = match question.allowed {
-            Allowed::Ids(ids) => ids.len() >= rows / 8,
+            Allowed::Ids(ids) => ids.len() >= rows / linear::GATHER_FRACTION,
             Allowed::All | Allowed::When(_) => true,
         };
         if self.tree.is_some() && rows >= TREE_ROWS && self.tail() <= rows / 2 && few_asked && broad {
@@ -160,7 +164,7 @@ impl Index {
     pub fn search(&self, question: &Question<'_>, method: Method) -> Result<Vec<Neighbour>, IndexError> {
         question.check(self.points.dims())?;
         match (self.choose(question, method), &self.tree) {
-            (Method::KdTree, Some(tree)) => Ok(tree.search(&self.points, question)),
+            (Method::KdTree, Some(tree)) => Ok(tree.search(&self.points, question, Effort::MEASURED)),
             _ => {
                 let mut best = Best::new(question, self.points.len());
                 linear::scan(&self.points, question, 0, &mut best);
@@ -179,13 +183,136 @@ impl Index {
 
 /// Whether a tree should be built anew: `covered` rows are in it, `tail` rows came after, `removed` of all are tombstones.
 ///
-/// The tail is let grow to 2048 rows (a scan of microseconds) and to 1/8 of the tree; tombstones to 1/4 of all rows. So
-/// every row takes part in a bounded number of builds for each doubling of the store.
+/// The tail may grow to 2048 rows and to 1/32 of the tree, tombstones to 1/4 of all rows; fewer than 8192 rows get no
+/// tree. A store that grows row by row so spends about 32 builds of its final size on its trees, 8 s for a million rows.
 pub fn should_rebuild(covered: usize, tail: usize, removed: usize) -> bool {
-    tail > TREE_ROWS.max(covered / 8) || too_many_removed(covered + tail, removed)
+    let rows = covered + tail;
+    let long_tail = tail > SMALL_TAIL.max(covered / 32) && rows - removed.min(rows) >= TREE_ROWS;
+    long_tail || too_many_removed(rows, removed)
 }
 
 /// Whether tombstones should be dropped: they are more than 2048 and more than 1/4 of all rows.
 fn too_many_removed(rows: usize, removed: usize) -> bool {
-    removed > TREE_ROWS.max(rows / 4)
+    removed > SMALL_TAIL.max(rows / 4)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{CHUNK_ROWS, SharedIndex};
+    use super::*;
+
+    fn line(rows: usize) -> Index {
+        let ids: Vec<u64> = (1..=rows as u64).collect();
+        let points: Vec<f32> = ids.iter().map(|&id| id as f32).collect();
+        Index::from_points(Points::from_rows(Metric::L1, 1, &ids, &points).unwrap())
+    }
+
+    #[test]
+    fn rebuilds_are_due_by_the_rule() {
+        assert!(!should_rebuild(0, 8191, 0));
+        assert!(should_rebuild(0, 8192, 0));
+        assert!(!should_rebuild(100_000, 3125, 0));
+        assert!(should_rebuild(100_000, 3126, 0));
+        assert!(should_rebuild(100_000, 0, 25_001));
+        assert!(!should_rebuild(4000, 0, 2048));
+    }
+
+    #[test]
+    fn the_tree_is_chosen_for_few_neighbours_among_many_rows() {
+        let mut index = line(10_000);
+        let point = [5.0];
+        let nearest = Question::nearest(&point, 10);
+        assert_eq!(index.choose(&nearest, Method::Auto), Method::Linear);
+        index.rebuild();
+        assert_eq!(index.choose(&nearest, Method::Auto), Method::KdTree);
+        assert_eq!(index.choose(&nearest, Method::Linear), Method::Linear);
+        assert_eq!(index.choose(&Question::nearest(&point, 40), Method::Auto), Method::Linear);
+        assert_eq!(index.choose(&nearest.allowed(Allowed::Ids(&[1, 2, 3])), Method::Auto), Method::Linear);
+        let even = |id: u64| id.is_multiple_of(2);
+        assert_eq!(index.choose(&nearest.allowed(Allowed::When(&even)), Method::Auto), Method::KdTree);
+    }
+
+    #[test]
+    fn refusals() {
+        let mut index = line(3);
+        let ask = |question: Question<'_>| line(3).search(&question, Method::Auto).unwrap_err();
+        assert_eq!(ask(Question::nearest(&[1.0, 2.0], 1)), IndexError::Dimensions { expected: 1, found: 2 });
+        assert!(matches!(ask(Question::nearest(&[f32::NAN], 1)), IndexError::NotFinite { position: 0, .. }));
+        assert_eq!(ask(Question::nearest(&[1.0], 0)), IndexError::ZeroNeighbours);
+        assert_eq!(ask(Question::all_within(&[1.0], -1.0)), IndexError::Radius { radius: -1.0 });
+        let unsorted = Question::nearest(&[1.0], 1).allowed(Allowed::Ids(&[2, 2]));
+        assert_eq!(ask(unsorted), IndexError::AllowedOrder { position: 1 });
+        assert_eq!(index.push(3, &[1.0]), Err(IndexError::IdOrder { id: 3, last: 3 }));
+        assert!(matches!(index.push(4, &[f32::INFINITY]), Err(IndexError::NotFinite { .. })));
+        assert_eq!(Index::new(Metric::L2, 0).err(), Some(IndexError::NoCoordinates));
+        assert_eq!(
+            Points::from_rows(Metric::L2, 2, &[1, 2], &[0.0; 3]).err(),
+            Some(IndexError::Length { ids: 2, dims: 2, coordinates: 3 })
+        );
+        assert!(Index::new(Metric::L2, 4).unwrap().search(&Question::nearest(&[0.0; 4], 5), Method::Auto).is_ok());
+        // Nothing of the refused rows stayed.
+        assert_eq!(index.points().rows(), 3);
+    }
+
+    #[test]
+    fn a_snapshot_does_not_change() {
+        let mut index = line(CHUNK_ROWS + 5);
+        let before = index.clone();
+        index.push(5000, &[0.5]).unwrap();
+        assert!(index.remove(1));
+        assert!(!index.remove(1));
+        assert_eq!((before.points().len(), index.points().len()), (CHUNK_ROWS + 5, CHUNK_ROWS + 5));
+        assert_eq!((before.points().point(1), index.points().point(1)), (Some(&[1.0f32][..]), None));
+        assert_eq!(index.points().point(5000), Some(&[0.5f32][..]));
+        assert_eq!(before.points().find(5000), None);
+    }
+
+    #[test]
+    fn compaction_keeps_the_answer() {
+        let mut index = line(9000);
+        (1..6000).for_each(|id| assert!(index.remove(id)));
+        assert!(index.should_rebuild());
+        let question = Question::nearest(&[5990.0], 20);
+        let before = index.search(&question, Method::Linear).unwrap();
+        let old_tree = Arc::new(KdTree::build(index.points()).unwrap());
+        index.rebuild();
+        assert_eq!((index.points().rows(), index.points().removed(), index.tail()), (3001, 0, 0));
+        assert!(!index.install(old_tree), "a tree over rows that are gone");
+        for method in [Method::Linear, Method::KdTree] {
+            assert_eq!(index.search(&question, method).unwrap(), before);
+        }
+    }
+
+    /// Threads ask while one adds and trees are built behind: every answer is that of some whole state.
+    #[test]
+    fn questions_go_on_while_rows_come_and_go() {
+        let shared = Arc::new(SharedIndex::new(line(9000)));
+        std::thread::scope(|threads| {
+            for _ in 0..2 {
+                threads.spawn(|| {
+                    for _ in 0..200 {
+                        let snapshot = shared.snapshot();
+                        // Rows come and go in pairs at 0.25 and 0.75: one without the other is a state between.
+                        let hits = snapshot.search(&Question::all_within(&[0.5], 0.25), Method::Auto).unwrap();
+                        assert_eq!(hits.len() % 2, 0);
+                    }
+                });
+            }
+            for pair in 0..300u64 {
+                shared.update(|index| {
+                    let id = 10_000 + pair * 2;
+                    index.push(id, &[0.25]).unwrap();
+                    index.push(id + 1, &[0.75]).unwrap();
+                    if pair >= 5 {
+                        assert!(index.remove(id - 10) && index.remove(id - 9));
+                    }
+                });
+                shared.maintain();
+            }
+        });
+        while shared.is_building() {
+            std::thread::yield_now();
+        }
+        assert!(shared.snapshot().covered() >= 9000);
+    }
 }

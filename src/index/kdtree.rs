@@ -1,18 +1,66 @@
 //! A k-d tree over keys, which proposes rows that the true distance then ranks.
+//!
+//! The tree knows only the keys of rows (see `bound.rs`): a few leading coordinates and the norm of the rest. Its
+//! distances are lower bounds, so it answers in two steps. *Proposals*: the rows of the nearest keys, a few times `k`,
+//! are measured; the k-th true distance so far is a limit. If even the last proposal's bound exceeds the limit, no other
+//! row can matter and the answer is there. *Sweep*: otherwise all rows whose bound is within the limit are measured.
+//! Where the bounds say that the sweep would touch too many rows (or a filter leaves too few proposals), the scan takes
+//! over with the limit reached so far. The margins that make this exact in spite of rounding are derived in `bound.rs`.
+//!
+//! Rows added after the build (the tail) are scanned; rows removed after it are proposed and passed over.
+//!
+//! Measured (32 coordinates of real descriptors, k = 10, one busy core of two, medians of 1000 questions; the scan in
+//! the same run): 20 k rows 36 us (59 us), 100 k 65 us (255 us), 1 M 80 us (3.7 ms); a build of 1 M rows 0.22 s.
+//!
+//! * Won: 7 leading coordinates and the norm, eight numbers in all, at 100 k rows; `nearest_n` of the tree takes half
+//!   the time that it takes with nine (20 against 40 us for 30 keys). Nine, eleven and thirteen numbers leave fewer
+//!   rows to measure (83, 43, 28 at 100 k) but cost more in the tree; at 1 M rows nine have a better mean, not median.
+//! * Won: 3 k proposals instead of k. With k, every question needs a sweep, and with a loose limit: 109 us and a mean
+//!   of 1411 us at 100 k rows; with 3 k about half of them end after the proposals: 67 us, mean 300 us.
+//! * Won: giving up when the sweep is expected to touch 1/24 of the rows. Points far from all others have no near
+//!   keys; the scan answers them in a tenth of the time (95th percentile 1.4 ms to 0.6 ms at 100 k rows).
+//! * Lost: leaves of 64 and 128 rows, flat leaves, the other stem orders of kiddo: within the noise or slower.
 
+use std::num::NonZeroUsize;
+
+use kiddo::{ImmutableKdTree, Manhattan, QueryResultItem, SquaredEuclidean};
+
+use super::bound::{Probe, WIDTHS};
+use super::linear::{self, measure};
 use super::question::Best;
-use super::{Neighbour, Points, Question, linear};
+use super::{Metric, Neighbour, Points, Question};
+
+/// The greatest number in a key that a tree takes: sums of squares stay far inside the range of `f32`.
+const MAGNITUDE: f32 = (1u64 << 60) as f32;
+
+/// A row and the distance of its key, squared for L2.
+type Proposal = QueryResultItem<(), u32, f32>;
+
+/// One kind of tree for each width of key.
+enum Tree {
+    Few(ImmutableKdTree<f32, { WIDTHS[0] }>),
+    Many(ImmutableKdTree<f32, { WIDTHS[1] }>),
+}
 
 /// A tree over the rows that were live when it was built. See the module.
 pub struct KdTree {
+    tree: Tree,
+    metric: Metric,
     rows: usize,
     lineage: u64,
 }
 
 impl KdTree {
-    /// A tree over all live rows.
+    /// A tree over all live rows, built by the threads of the current rayon pool where rows are many.
+    ///
+    /// `None` where there is no live row, or where a coordinate is so great (above 2^60) that its square would strain
+    /// the range of `f32`: such points are scanned.
     pub fn build(points: &Points) -> Option<Self> {
-        Some(Self { rows: points.rows(), lineage: points.lineage() })
+        if points.is_empty() || points.magnitude() > MAGNITUDE {
+            return None;
+        }
+        let tree = if points.key_width() == WIDTHS[0] { Tree::Few(grow(points)?) } else { Tree::Many(grow(points)?) };
+        Some(Self { tree, metric: points.metric(), rows: points.rows(), lineage: points.lineage() })
     }
 
     /// Rows it covers: all later ones are the tail.
@@ -25,10 +73,265 @@ impl KdTree {
         self.lineage == points.lineage() && self.rows <= points.rows()
     }
 
-    /// The answer to a question that was checked.
-    pub(super) fn search(&self, points: &Points, question: &Question<'_>) -> Vec<Neighbour> {
+    /// The answer to a question that was checked, over points that the tree fits.
+    pub(super) fn search(&self, points: &Points, question: &Question<'_>, effort: Effort) -> Vec<Neighbour> {
+        let probe = points.probe(question.point);
         let mut best = Best::new(question, points.len());
-        linear::scan(points, question, 0, &mut best);
+        let next = if probe.key().iter().any(|value| value.abs() > MAGNITUDE) {
+            Next::Scan
+        } else {
+            self.propose(points, question, &probe, effort, &mut best)
+        };
+        match next {
+            Next::Tail => linear::scan(points, question, self.rows, &mut best),
+            Next::Sweep => {
+                best.restart();
+                linear::scan(points, question, self.rows, &mut best);
+                self.sweep(points, question, &probe, &mut best);
+            }
+            Next::Scan => {
+                best.restart();
+                linear::scan(points, question, 0, &mut best);
+            }
+        }
         best.into_sorted()
+    }
+
+    /// Measures the rows of the nearest keys, more of them until `k` pass the filter, and says what is left to do.
+    fn propose(
+        &self,
+        points: &Points,
+        question: &Question<'_>,
+        probe: &Probe,
+        effort: Effort,
+        best: &mut Best,
+    ) -> Next {
+        let most = (self.rows / effort.fraction).max(effort.floor);
+        let mut wanted = best.wanted().saturating_mul(PROPOSALS_PER_HIT).max(FEWEST_PROPOSALS);
+        loop {
+            if wanted > most {
+                return Next::Scan;
+            }
+            // One more than there are is never reached, and so means that all were proposed.
+            wanted = wanted.min(self.rows + 1);
+            let proposals = self.nearest(probe, wanted);
+            for proposal in &proposals {
+                if proposal.distance <= probe.threshold(best.limit()) {
+                    measure(points, question, proposal.item as usize, best);
+                }
+            }
+            let Some(last) = proposals.last() else { return Next::Tail };
+            let threshold = probe.threshold(best.limit());
+            if proposals.len() < wanted || last.distance > threshold {
+                return Next::Tail;
+            }
+            if best.is_full() || question.within.is_some() {
+                let sweep = expected(&proposals, last.distance.max(probe.threshold(0.0)), threshold, self.metric);
+                if sweep <= most as f64 {
+                    return Next::Sweep;
+                }
+                if best.is_full() {
+                    return Next::Scan;
+                }
+            }
+            // A filter left too few: try more, in proportion to what it let through.
+            let missing = best.wanted() / best.len().max(1) + 1;
+            wanted = wanted.saturating_mul(missing.clamp(2, 16));
+            best.restart();
+        }
+    }
+
+    /// The rows of the `n` nearest keys, nearest first.
+    fn nearest(&self, probe: &Probe, n: usize) -> Vec<Proposal> {
+        let n = NonZeroUsize::new(n).unwrap_or(NonZeroUsize::MIN);
+        match &self.tree {
+            Tree::Few(tree) => nearest(tree, self.metric, probe.key(), n),
+            Tree::Many(tree) => nearest(tree, self.metric, probe.key(), n),
+        }
+    }
+
+    /// Measures all rows whose bound is within the limit, which shrinks meanwhile.
+    fn sweep(&self, points: &Points, question: &Question<'_>, probe: &Probe, best: &mut Best) {
+        let radius = probe.threshold(best.limit());
+        let mut threshold = radius;
+        let visit = |proposal: Proposal| {
+            if proposal.distance <= threshold && measure(points, question, proposal.item as usize, best) {
+                threshold = probe.threshold(best.limit());
+            }
+        };
+        match &self.tree {
+            Tree::Few(tree) => within(tree, self.metric, probe.key(), radius, visit),
+            Tree::Many(tree) => within(tree, self.metric, probe.key(), radius, visit),
+        }
+    }
+}
+
+/// Proposals for each neighbour asked for; see the measurements in the module.
+const PROPOSALS_PER_HIT: usize = 3;
+
+/// Proposals at least: fewer are not quicker.
+const FEWEST_PROPOSALS: usize = 24;
+
+/// When the tree gives up: above `rows / fraction` proposals (but not below `floor`) the scan takes over.
+#[derive(Clone, Copy)]
+pub(super) struct Effort {
+    fraction: usize,
+    floor: usize,
+}
+
+impl Effort {
+    /// What is quickest.
+    pub(super) const MEASURED: Self = Self { fraction: 24, floor: 64 };
+
+    /// Never gives up: for tests, where rows are few and the tree must answer all the same.
+    #[cfg(test)]
+    pub(super) const ENDLESS: Self = Self { fraction: 1, floor: usize::MAX };
+}
+
+/// What follows the proposals.
+enum Next {
+    /// Only rows that the tree does not cover are left.
+    Tail,
+    /// All rows within the limit have to be measured.
+    Sweep,
+    /// All rows have to be looked at.
+    Scan,
+}
+
+/// How many keys lie below `threshold`, where `proposals` lie below `last`: a guess, for points of about six intrinsic
+/// dimensions.
+fn expected(proposals: &[Proposal], last: f32, threshold: f32, metric: Metric) -> f64 {
+    let ratio = f64::from(threshold) / f64::from(last);
+    let power = match metric {
+        Metric::L2 => 3,
+        Metric::L1 => 6,
+    };
+    proposals.len() as f64 * ratio.max(1.0).powi(power)
+}
+
+/// The tree of all live rows.
+fn grow<const K: usize>(points: &Points) -> Option<ImmutableKdTree<f32, K>> {
+    let entries: Vec<(u32, [f32; K])> = (0..points.rows())
+        .filter(|&row| points.is_live(row))
+        .filter_map(|row| {
+            let mut key = [0.0; K];
+            points.key(row, &mut key);
+            Some((u32::try_from(row).ok()?, key))
+        })
+        .collect();
+    // Refused only for item types that are too narrow, which rows in 32 bits are not.
+    ImmutableKdTree::new_from_entries(&entries).ok()
+}
+
+fn nearest<const K: usize>(
+    tree: &ImmutableKdTree<f32, K>,
+    metric: Metric,
+    key: &[f32],
+    n: NonZeroUsize,
+) -> Vec<Proposal> {
+    let Ok(key) = <&[f32; K]>::try_from(key) else { return vec![] };
+    let query = tree.query(key);
+    match metric {
+        Metric::L2 => query.nearest_n::<SquaredEuclidean<f32>>(n).execute(),
+        Metric::L1 => query.nearest_n::<Manhattan<f32>>(n).execute(),
+    }
+}
+
+fn within<const K: usize>(
+    tree: &ImmutableKdTree<f32, K>,
+    metric: Metric,
+    key: &[f32],
+    radius: f32,
+    visit: impl FnMut(Proposal),
+) {
+    let Ok(key) = <&[f32; K]>::try_from(key) else { return };
+    let query = tree.query(key);
+    match metric {
+        Metric::L2 => query.within::<SquaredEuclidean<f32>>(radius).unsorted().visit(visit),
+        Metric::L1 => query.within::<Manhattan<f32>>(radius).unsorted().visit(visit),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Allowed, Index, Method};
+    use super::*;
+    use proptest::prelude::*;
+
+    fn bits(hits: &[Neighbour]) -> Vec<(u64, u64)> {
+        hits.iter().map(|hit| (hit.id, hit.distance.to_bits())).collect()
+    }
+
+    /// Rows of few distinct values, so that keys tie, and of values a few units in the last place apart, so that
+    /// rounding decides where it may.
+    fn rows(dims: usize) -> impl Strategy<Value = Vec<Vec<f32>>> {
+        (0u8..4).prop_flat_map(move |kind| {
+            let value = match kind {
+                0 => (-1i8..=1).prop_map(f32::from).boxed(),
+                1 => (0u32..3).prop_map(|ulps| f32::from_bits(0.3f32.to_bits() + ulps)).boxed(),
+                2 => prop_oneof![-1e6f32..1e6, -1e-4f32..1e-4].boxed(),
+                _ => (-1.0f32..1.0).boxed(),
+            };
+            prop::collection::vec(prop::collection::vec(value, dims), 1..300)
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 150, ..ProptestConfig::default() })]
+
+        /// The tree itself, which the doors would not use on so few rows.
+        #[test]
+        fn a_tree_that_never_gives_up_is_exact(
+            (metric, rows) in (prop_oneof![Just(Metric::L2), Just(Metric::L1)], 1usize..40)
+                .prop_flat_map(|(metric, dims)| (Just(metric), rows(dims))),
+            from in 0usize..300, k in 1usize..40, share in 1u64..20, built in 0usize..300,
+            gone in prop::collection::btree_set(1u64..300, 0..30),
+        ) {
+            let dims = rows[0].len();
+            let mut points = Points::new(metric, dims).unwrap();
+            let mut tree = None;
+            for (row, point) in rows.iter().enumerate() {
+                points.push(row as u64, point).unwrap();
+                if row == built.min(rows.len() - 1) {
+                    tree = KdTree::build(&points);
+                }
+            }
+            for &id in &gone {
+                points.remove(id);
+            }
+            let tree = tree.unwrap();
+            let query = &rows[from % rows.len()];
+            let radius = metric.distance(query, &rows[(from + k) % rows.len()]);
+            let some = |id: u64| id % share == 0;
+            let index = Index::from_points(points.clone());
+            for k in [k, usize::MAX] {
+                for allowed in [Allowed::All, Allowed::When(&some)] {
+                    for within in [None, Some(radius), Some(0.0)] {
+                        let question = Question { point: query, k, within, allowed, exclude: Some(7) };
+                        let expected = index.search(&question, Method::Linear).unwrap();
+                        let found = tree.search(&points, &question, Effort::ENDLESS);
+                        prop_assert_eq!(bits(&found), bits(&expected), "{:?}", question);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn equal_points_are_taken() {
+        let ids: Vec<u64> = (0..10_000).collect();
+        let mut points = Points::from_rows(Metric::L2, 12, &ids, &vec![0.25; 120_000]).unwrap();
+        points.remove(0);
+        let tree = KdTree::build(&points).unwrap();
+        let question = Question::nearest(&[0.25; 12], 3);
+        let hits = tree.search(&points, &question, Effort::ENDLESS);
+        assert_eq!(hits.iter().map(|hit| hit.id).collect::<Vec<_>>(), [1, 2, 3]);
+    }
+
+    #[test]
+    fn points_out_of_range_get_no_tree() {
+        let points = Points::from_rows(Metric::L2, 2, &[1, 2], &[0.0, 1.0, 1e30, 2.0]).unwrap();
+        assert!(KdTree::build(&points).is_none());
+        assert!(KdTree::build(&Points::new(Metric::L2, 2).unwrap()).is_none());
     }
 }

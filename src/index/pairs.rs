@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Index, IndexError, Method, Neighbour, Question};
+use super::{Allowed, Index, IndexError, Method, Neighbour, Question};
 
 /// Two live rows and their distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +35,7 @@ impl Index {
             .map(|&(id, point)| {
                 // Only later ids: each pair is found once.
                 let later = |other: u64| other > id;
-                let question = Question::all_within(point, radius).allowed(super::Allowed::When(&later));
+                let question = Question::all_within(point, radius).allowed(Allowed::When(&later));
                 let mut hits = self.search(&question, self.range_method())?;
                 hits.sort_unstable_by_key(|hit| hit.id);
                 Ok(hits.iter().map(|hit| Pair { first: id, second: hit.id, distance: hit.distance }).collect())
@@ -57,5 +57,32 @@ impl Index {
     /// The method for a radius that is small by intent: the tree where there is one.
     fn range_method(&self) -> Method {
         if self.covered() > 0 { Method::KdTree } else { Method::Linear }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Metric, Points};
+    use super::*;
+
+    #[test]
+    fn pairs_and_graph_are_what_every_pair_says() {
+        let ids: Vec<u64> = (0..9000).map(|row| 3 + row * 2).collect();
+        // Ten rows of each of 900 places on a line a unit apart, the first pair of each a little off.
+        let points: Vec<f32> = (0..9000).map(|row| (row % 900) as f32 + if row < 900 { 0.25 } else { 0.0 }).collect();
+        let mut index = Index::from_points(Points::from_rows(Metric::L2, 1, &ids, &points).unwrap());
+        index.remove(ids[1]);
+        let scanned = index.pairs_within(0.25).unwrap();
+        index.rebuild();
+        let pairs = index.pairs_within(0.25).unwrap();
+        assert_eq!(pairs, scanned);
+        assert_eq!(pairs.len(), 899 * 45 + 36);
+        assert!(pairs.iter().all(|pair| pair.first < pair.second && pair.distance <= 0.25));
+        assert_eq!(index.pairs_within(0.0).unwrap().len(), 900 * 36);
+
+        let graph = index.graph(9).unwrap();
+        assert_eq!(graph.ids.len(), 8999);
+        assert!(graph.neighbours.iter().zip(&graph.ids).all(|(near, id)| near.iter().all(|hit| hit.id != *id)));
+        assert_eq!(graph.neighbours[0].iter().map(|hit| hit.distance).collect::<Vec<_>>(), [0.25; 9]);
     }
 }

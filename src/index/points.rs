@@ -245,6 +245,14 @@ impl Points {
         (&self.chunks[chunk].keys[at * width..][..width], live)
     }
 
+    /// The key of a row, which must exist.
+    pub(super) fn key(&self, row: usize, key: &mut [f32]) {
+        let (block, _) = self.block(row / LANES);
+        for (value, lanes) in key.iter_mut().zip(block) {
+            *value = lanes[row % LANES];
+        }
+    }
+
     /// The key of a query, for these points.
     pub(super) fn probe(&self, point: &[f32]) -> Probe {
         Probe::new(self.metric, &self.shape, point, self.reach)

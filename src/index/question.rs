@@ -154,6 +154,23 @@ impl Best {
         }
     }
 
+    /// Forgets what was found but not how far away it was: nothing beyond the limit reached can come in, and every
+    /// row that belongs to the answer is to be offered again.
+    pub(super) fn restart(&mut self) {
+        self.radius = self.limit();
+        self.heap.clear();
+    }
+
+    /// How many are looked for.
+    pub(super) fn wanted(&self) -> usize {
+        self.k
+    }
+
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.heap.len()
+    }
+
     /// Whether `k` have been found.
     pub(super) fn is_full(&self) -> bool {
         self.heap.len() >= self.k
