@@ -28,9 +28,9 @@ impl Store {
     /// system. Rows change, ids do not. Takes about as much memory as the engine's cache.
     ///
     /// # Errors
-    /// [`StoreError::Busy`] while a snapshot or transaction of this handle is open; [`StoreError::Cancelled`] before
-    /// anything was changed; [`StoreError::ReadOnly`]; [`StoreError::Damage`] where a block that must be rewritten is not
-    /// whole.
+    /// [`StoreError::Busy`] while a snapshot of any process is open; [`StoreError::Cancelled`]; in both cases rows may have
+    /// been rewritten (in a commit of its own) though the file is not shorter. [`StoreError::ReadOnly`];
+    /// [`StoreError::Damage`] where a block that must be rewritten is not whole: nothing was changed.
     pub fn compact(&self, report: Report<'_>) -> Result<CompactReport, StoreError> {
         let length = || std::fs::metadata(self.path()).map_or(0, |file| file.len());
         let bytes_before = length();

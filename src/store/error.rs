@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// A value that is not what was written: named by table and key, so that it can be contained and repaired.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
-#[error("damage in table {table} at {key}: {what}")]
+#[error("damage in table {table}{}{key}: {what}", if key.is_empty() { "" } else { " at " })]
 pub struct Damage {
     /// The table, as docs/format.md names it.
     pub table: &'static str,
@@ -147,7 +147,7 @@ pub enum StoreError {
     )]
     Poisoned,
     /// The caller's progress function asked to stop.
-    #[error("{doing} was cancelled; the store is as it was before")]
+    #[error("{doing} was cancelled; nothing is lost")]
     Cancelled {
         /// What was stopped.
         doing: &'static str,

@@ -378,3 +378,18 @@ fn give_name(passing: &Path, path: &Path) -> io::Result<()> {
         Err(_) => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn handles_and_snapshots_are_shared_by_threads() {
+        fn shared<T: Send + Sync + 'static>() {}
+        fn sent<T: Send + 'static>() {}
+        shared::<Store>();
+        shared::<Snapshot>();
+        shared::<StoreError>();
+        sent::<Transaction>();
+    }
+}

@@ -5,10 +5,14 @@ mod faults;
 mod migrate;
 mod model;
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use hlacdb::hlac::{self, MASK_COUNT};
-use hlacdb::store::{CompressedVoxels, NewTexture, Reads, Settings, Store, StoreError, ViewCode, Volumes, silent};
+use hlacdb::store::{
+    CompressedVoxels, Damage, NewTexture, Progress, Reads, Record, Settings, Snapshot, Store, StoreError, ViewCode,
+    Volumes, silent,
+};
 use hlacdb::volume::Volume;
 use tempfile::TempDir;
 
@@ -112,6 +116,33 @@ fn what_goes_in_comes_out() {
     assert_eq!(state.described_views().unwrap(), [ViewCode(0), ViewCode(3)]);
     assert!(state.sizes().unwrap()["chunks"].stored > 0);
     assert!(state.verify(Some(&|_, _, _| Vec::new()), &mut silent).unwrap().is_ok());
+}
+
+#[test]
+fn a_deep_check_sees_every_volume_and_its_findings_are_reported() {
+    let scratch = Scratch::new();
+    let store = scratch.create();
+    let mut transaction = store.write().unwrap();
+    for seed in 1..=5 {
+        transaction.add(texture(seed)).unwrap();
+    }
+    transaction.add(NewTexture::default()).unwrap();
+    transaction.commit().unwrap();
+    let deep = |state: &Snapshot, record: &Record, seen: &Volume| {
+        assert_eq!(seen, &volume(record.id));
+        let same = state.sums(record.id).unwrap().unwrap() == hlac::extract(seen).total() && record.id != 4;
+        let damage = Damage { table: "sums", key: format!("id {}", record.id), what: "other sums".into() };
+        if same { Vec::new() } else { vec![damage] }
+    };
+    let mut phases = Vec::new();
+    let mut listen = |progress: Progress| {
+        phases.push(progress.phase);
+        ControlFlow::Continue(())
+    };
+    let report = store.read().unwrap().verify(Some(&deep), &mut listen).unwrap();
+    assert_eq!((report.checked["volumes"], report.checked["textures"], report.is_ok()), (5, 6, false));
+    assert_eq!(report.damage[0].to_string(), "damage in table sums at id 4: other sums");
+    assert!(phases.contains(&"checking volumes") && phases.contains(&"checking records"));
 }
 
 #[test]
