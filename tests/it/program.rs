@@ -49,8 +49,8 @@ impl Place {
         let folder = self.path("textures");
         fs::create_dir_all(folder.join("balls")).unwrap();
         for step in 1..=4 {
-            write_npy(&folder.join(format!("stripes{step}.npy")), &stripes(12, step));
-            write_npy(&folder.join(format!("balls/ball{step}.npy")), &ball(12, 2 + step));
+            write_npy(&folder.join(format!("stripes{step}.npy")), &stripes(16, step));
+            write_npy(&folder.join(format!("balls/ball{step}.npy")), &ball(16, 2 + step));
         }
         folder
     }
@@ -79,7 +79,7 @@ fn a_folder_goes_in_and_the_ones_alike_are_found() {
     let rows = list["textures"].as_array().unwrap();
     assert_eq!(rows.len(), 8);
     assert_eq!(rows[0]["name"], "ball1.npy", "folders and files in natural order");
-    assert_eq!(rows[0]["shape"], serde_json::json!([12, 12, 12]));
+    assert_eq!(rows[0]["shape"], serde_json::json!([16, 16, 16]));
     assert_eq!(rows[0]["tags"]["set"], "test");
 
     let answer = place.json(&["query", text(&folder.join("stripes2.npy")), "-k", "3"]);
@@ -197,11 +197,11 @@ fn exactly_the_sums_of_the_definition_are_printed() {
     let path = folder.join("stripes3.npy");
     let document = place.json(&["extract", text(&path), "--out", "moments.npy"]);
     let file = &document["files"][0];
-    let volume = stripes(12, 3);
+    let volume = stripes(16, 3);
     let reference = hlacdb::hlac::kernel::scalar::octants(volume.shape(), volume.voxels()).total();
     let sums: Vec<u64> = file["sums"].as_array().unwrap().iter().map(|sum| sum.as_u64().unwrap()).collect();
     assert_eq!(sums, reference.values);
-    assert_eq!((file["windows"].as_u64(), file["channels"].as_u64()), (Some(1000), Some(1)));
+    assert_eq!((file["windows"].as_u64(), file["channels"].as_u64()), (Some(2744), Some(1)));
     assert!(file["elapsed_us"].is_u64());
     let moments = hlacdb::arrays::read_moments(&place.path("moments.npy")).unwrap();
     assert_eq!(moments, [reference.descriptor()]);
@@ -235,7 +235,7 @@ fn descriptors_come_out_and_go_in() {
     let moments = hlacdb::arrays::read_moments(&place.path("out/moments.npy")).unwrap();
     assert_eq!(moments.len(), 8);
     let table = fs::read_to_string(place.path("out/textures.csv")).unwrap();
-    assert!(table.starts_with("row,id,name,shape,path,tag:set\n0,1,ball1.npy,12x12x12,"), "{table}");
+    assert!(table.starts_with("row,id,name,shape,path,tag:set\n0,1,ball1.npy,16x16x16,"), "{table}");
 
     let arguments = ["-s", "imported.hlacdb", "import", "out/moments.npy", "--tag", "from=array"];
     assert_eq!(place.json(&arguments)["added"], 8);
@@ -312,7 +312,7 @@ fn odd_names_and_looping_links_are_survived() {
     let folder = place.path("odd");
     fs::create_dir(&folder).unwrap();
     let name = std::ffi::OsStr::from_bytes(b"caf\xe9\n.npy");
-    write_npy(&folder.join(name), &ball(12, 4));
+    write_npy(&folder.join(name), &ball(16, 4));
     std::os::unix::fs::symlink(&folder, folder.join("loop")).unwrap();
     let output = place.run(&["--json", "ingest", text(&folder)]);
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
