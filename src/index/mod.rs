@@ -18,6 +18,7 @@ mod index;
 mod kdtree;
 mod linear;
 mod metric;
+mod packed;
 mod pairs;
 mod points;
 mod question;
