@@ -143,6 +143,16 @@ impl Probe {
         }
     }
 
+    /// The computed distance of one row's key (squared for L2).
+    #[inline]
+    pub(super) fn distance(&self, key: &[f32]) -> f32 {
+        let differences = key.iter().zip(&self.key).map(|(value, own)| own - value);
+        match self.metric {
+            Metric::L2 => differences.map(|d| d * d).sum(),
+            Metric::L1 => differences.map(f32::abs).sum(),
+        }
+    }
+
     /// The computed distances of the key from boxes (squared for L2): two arrays for each number of a key, the least and
     /// the greatest. 0 inside a box, infinite for one that is empty (its least infinite).
     #[inline]
