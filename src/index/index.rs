@@ -109,9 +109,9 @@ impl Index {
         self.points.rows() - self.covered()
     }
 
-    /// Whether [`Index::rebuild`] is due; see [`should_rebuild`].
+    /// Whether [`Index::rebuild`] is due; see [`should_rebuild`]. Never for points that no tree takes.
     pub fn should_rebuild(&self) -> bool {
-        should_rebuild(self.covered(), self.tail(), self.points.removed())
+        KdTree::takes(&self.points) && should_rebuild(self.covered(), self.tail(), self.points.removed())
     }
 
     /// Builds a tree over all live rows (in parallel), after dropping the tombstones where they are many.

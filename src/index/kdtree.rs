@@ -58,7 +58,7 @@ impl KdTree {
     /// `None` where there is no live row, or where a coordinate is so great (above 2^60) that its square would strain
     /// the range of `f32`: such points are scanned.
     pub fn build(points: &Points) -> Option<Self> {
-        if points.is_empty() || points.magnitude() > MAGNITUDE {
+        if points.is_empty() || !Self::takes(points) {
             return None;
         }
         let tree = if points.key_width() == WIDTHS[0] { Tree::Few(grow(points)?) } else { Tree::Many(grow(points)?) };
@@ -67,6 +67,11 @@ impl KdTree {
             Tree::Many(tree) => Packed::new(tree.iter()),
         };
         Some(Self { tree, packed, metric: points.metric(), rows: points.rows(), lineage: points.lineage() })
+    }
+
+    /// Whether no coordinate is too great for a tree.
+    pub(super) fn takes(points: &Points) -> bool {
+        points.magnitude() <= MAGNITUDE
     }
 
     /// Rows it covers: all later ones are the tail.
