@@ -143,6 +143,41 @@ impl Probe {
         }
     }
 
+    /// The computed distance of one row's key (squared for L2).
+    #[inline]
+    pub(super) fn distance(&self, key: &[f32]) -> f32 {
+        let differences = key.iter().zip(&self.key).map(|(value, own)| own - value);
+        match self.metric {
+            Metric::L2 => differences.map(|d| d * d).sum(),
+            Metric::L1 => differences.map(f32::abs).sum(),
+        }
+    }
+
+    /// The computed distances of the key from boxes (squared for L2): two arrays for each number of a key, the least and
+    /// the greatest. 0 inside a box, infinite for one that is empty (its least infinite).
+    #[inline]
+    pub(super) fn box_distances(&self, boxes: &KeyBlock) -> [f32; LANES] {
+        match self.metric {
+            Metric::L2 => self.box_lanes(boxes, |d| d * d),
+            Metric::L1 => self.box_lanes(boxes, |d| d),
+        }
+    }
+
+    #[inline(always)]
+    fn box_lanes(&self, boxes: &KeyBlock, term: impl Fn(f32) -> f32) -> [f32; LANES] {
+        let mut sums = [0.0f32; LANES];
+        let (pairs, _) = boxes.as_chunks::<2>();
+        for ([least, most], &own) in pairs.iter().zip(&self.key) {
+            for lane in 0..LANES {
+                let (below, above) = (least[lane] - own, own - most[lane]);
+                // Plain comparisons: single instructions on vectors, which `f32::max` is not.
+                let outside = if below > above { below } else { above };
+                sums[lane] += term(if outside > 0.0 { outside } else { 0.0 });
+            }
+        }
+        sums
+    }
+
     #[inline(always)]
     fn lanes(&self, block: &KeyBlock, term: impl Fn(f32) -> f32) -> [f32; LANES] {
         let mut sums = [0.0f32; LANES];

@@ -57,11 +57,11 @@ impl FromStr for Method {
     }
 }
 
-/// Fewer live rows than this need no tree: the scan answers as quickly (25 us).
-const TREE_ROWS: usize = 8192;
+/// Fewer live rows than this need no tree: the scan answers as quickly (15 us).
+const TREE_ROWS: usize = 4096;
 
 /// Asking for more than this fraction of the rows, the scan is as quick.
-const TREE_FRACTION: usize = 256;
+const TREE_FRACTION: usize = 100;
 
 /// Rows of a tail that are scanned in a few microseconds, whatever the size of the tree.
 const SMALL_TAIL: usize = 2048;
@@ -109,9 +109,9 @@ impl Index {
         self.points.rows() - self.covered()
     }
 
-    /// Whether [`Index::rebuild`] is due; see [`should_rebuild`].
+    /// Whether [`Index::rebuild`] is due; see [`should_rebuild`]. Never for points that no tree takes.
     pub fn should_rebuild(&self) -> bool {
-        should_rebuild(self.covered(), self.tail(), self.points.removed())
+        KdTree::takes(&self.points) && should_rebuild(self.covered(), self.tail(), self.points.removed())
     }
 
     /// Builds a tree over all live rows (in parallel), after dropping the tombstones where they are many.
@@ -140,8 +140,8 @@ impl Index {
 
     /// What [`Method::Auto`] comes to for this question; the other two are returned as they are.
     ///
-    /// The tree answers where there is one over at least half of the rows, at least 8192 rows are live, `k` is at most
-    /// 1/256 of them, and the filter is none, a predicate, or a list of at least 1/8 of the rows (a shorter list is looked
+    /// The tree answers where there is one over at least half of the rows, at least 4096 rows are live, `k` is at most
+    /// 1/100 of them, and the filter is none, a predicate, or a list of at least 1/8 of the rows (a shorter list is looked
     /// up id by id). Everything else is the scan's.
     pub fn choose(&self, question: &Question<'_>, method: Method) -> Method {
         if method != Method::Auto {
@@ -183,7 +183,7 @@ impl Index {
 
 /// Whether a tree should be built anew: `covered` rows are in it, `tail` rows came after, `removed` of all are tombstones.
 ///
-/// The tail may grow to 2048 rows and to 1/32 of the tree, tombstones to 1/4 of all rows; fewer than 8192 rows get no
+/// The tail may grow to 2048 rows and to 1/32 of the tree, tombstones to 1/4 of all rows; fewer than 4096 rows get no
 /// tree. A store that grows row by row so spends about 32 builds of its final size on its trees, 8 s for a million rows.
 pub fn should_rebuild(covered: usize, tail: usize, removed: usize) -> bool {
     let rows = covered + tail;
@@ -209,8 +209,8 @@ mod tests {
 
     #[test]
     fn rebuilds_are_due_by_the_rule() {
-        assert!(!should_rebuild(0, 8191, 0));
-        assert!(should_rebuild(0, 8192, 0));
+        assert!(!should_rebuild(0, 4095, 0));
+        assert!(should_rebuild(0, 4096, 0));
         assert!(!should_rebuild(100_000, 3125, 0));
         assert!(should_rebuild(100_000, 3126, 0));
         assert!(should_rebuild(100_000, 0, 25_001));
@@ -226,7 +226,7 @@ mod tests {
         index.rebuild();
         assert_eq!(index.choose(&nearest, Method::Auto), Method::KdTree);
         assert_eq!(index.choose(&nearest, Method::Linear), Method::Linear);
-        assert_eq!(index.choose(&Question::nearest(&point, 40), Method::Auto), Method::Linear);
+        assert_eq!(index.choose(&Question::nearest(&point, 101), Method::Auto), Method::Linear);
         assert_eq!(index.choose(&nearest.allowed(Allowed::Ids(&[1, 2, 3])), Method::Auto), Method::Linear);
         let even = |id: u64| id.is_multiple_of(2);
         assert_eq!(index.choose(&nearest.allowed(Allowed::When(&even)), Method::Auto), Method::KdTree);

@@ -1,25 +1,25 @@
 //! A k-d tree over keys, which proposes rows that the true distance then ranks.
 //!
 //! The tree knows only the keys of rows (see `bound.rs`): a few leading coordinates and the norm of the rest. Its
-//! distances are lower bounds, so it answers in two steps. *Proposals*: the rows of the nearest keys, a few times `k`,
-//! are measured; the k-th true distance so far is a limit. If even the last proposal's bound exceeds the limit, no other
-//! row can matter and the answer is there. *Sweep*: otherwise all rows whose bound is within the limit are measured.
-//! Where the bounds say that the sweep would touch too many rows (or a filter leaves too few proposals), the scan takes
-//! over with the limit reached so far. The margins that make this exact in spite of rounding are derived in `bound.rs`.
+//! distances are lower bounds, so it answers in two steps. *Proposals*: the rows of the nearest keys, twice `k`, are
+//! measured; the k-th true distance so far is a limit. If even the last proposal's bound exceeds the limit, no other row
+//! can matter and the answer is there. *Sweep*: otherwise all rows whose bound is within the limit are measured, found in
+//! a packed copy of the keys in the order of the tree's leaves (see `packed.rs`). Where a filter leaves too few
+//! proposals, the scan takes over. The margins that make this exact in spite of rounding are derived in `bound.rs`.
 //!
 //! Rows added after the build (the tail) are scanned; rows removed after it are proposed and passed over.
 //!
-//! Measured (32 coordinates of real descriptors, k = 10, one busy core of two, medians of 1000 questions; the scan in
-//! the same run): 20 k rows 36 us (59 us), 100 k 65 us (255 us), 1 M 80 us (3.7 ms); a build of 1 M rows 0.22 s.
+//! Measured (32 coordinates of real descriptors, k = 10, two cores busy with other work, processor time, medians of 1000
+//! questions; the scan in the same run): 10 k rows 24 us (36 us), 100 k 66 us (209 us), 1 M 74 us (3.6 ms); a build of
+//! 1 M rows 0.3 s.
 //!
-//! * Won: 7 leading coordinates and the norm, eight numbers in all, at 100 k rows; `nearest_n` of the tree takes half
-//!   the time that it takes with nine (20 against 40 us for 30 keys). Nine, eleven and thirteen numbers leave fewer
-//!   rows to measure (83, 43, 28 at 100 k) but cost more in the tree; at 1 M rows nine have a better mean, not median.
-//! * Won: 3 k proposals instead of k. With k, every question needs a sweep, and with a loose limit: 109 us and a mean
-//!   of 1411 us at 100 k rows; with 3 k about half of them end after the proposals: 67 us, mean 300 us.
-//! * Won: giving up when the sweep is expected to touch 1/24 of the rows. Points far from all others have no near
-//!   keys; the scan answers them in a tenth of the time (95th percentile 1.4 ms to 0.6 ms at 100 k rows).
-//! * Lost: leaves of 64 and 128 rows, flat leaves, the other stem orders of kiddo: within the noise or slower.
+//! * Won: 7 leading coordinates and the norm, eight numbers in all: the tree finds 30 keys in half the time it takes with
+//!   nine (20 against 40 us at 100 k rows). Nine, eleven and thirteen numbers leave fewer rows to measure (83, 43, 28 at
+//!   100 k) but cost more in the tree.
+//! * Won: more proposals than `k` (with `k`, 109 us at 100 k rows; with two or three times as many, 67), and sweeping the
+//!   packed keys instead of the tree's own `within`: the same median at 100 k rows, 24 instead of 30 us at 20 k, half the
+//!   95th percentile at 1 M (0.43 against 0.88 ms), for questions far from all rows are then no worse than a scan.
+//! * Lost: leaves of 16, 64 and 128 rows, flat leaves, the other stem orders of kiddo: within the noise or slower.
 
 use std::num::NonZeroUsize;
 
@@ -27,6 +27,7 @@ use kiddo::{ImmutableKdTree, Manhattan, QueryResultItem, SquaredEuclidean};
 
 use super::bound::{Probe, WIDTHS};
 use super::linear::{self, measure};
+use super::packed::Packed;
 use super::question::Best;
 use super::{Metric, Neighbour, Points, Question};
 
@@ -45,6 +46,7 @@ enum Tree {
 /// A tree over the rows that were live when it was built. See the module.
 pub struct KdTree {
     tree: Tree,
+    packed: Packed,
     metric: Metric,
     rows: usize,
     lineage: u64,
@@ -56,11 +58,20 @@ impl KdTree {
     /// `None` where there is no live row, or where a coordinate is so great (above 2^60) that its square would strain
     /// the range of `f32`: such points are scanned.
     pub fn build(points: &Points) -> Option<Self> {
-        if points.is_empty() || points.magnitude() > MAGNITUDE {
+        if points.is_empty() || !Self::takes(points) {
             return None;
         }
         let tree = if points.key_width() == WIDTHS[0] { Tree::Few(grow(points)?) } else { Tree::Many(grow(points)?) };
-        Some(Self { tree, metric: points.metric(), rows: points.rows(), lineage: points.lineage() })
+        let packed = match &tree {
+            Tree::Few(tree) => Packed::new(tree.iter()),
+            Tree::Many(tree) => Packed::new(tree.iter()),
+        };
+        Some(Self { tree, packed, metric: points.metric(), rows: points.rows(), lineage: points.lineage() })
+    }
+
+    /// Whether no coordinate is too great for a tree.
+    pub(super) fn takes(points: &Points) -> bool {
+        points.magnitude() <= MAGNITUDE
     }
 
     /// Rows it covers: all later ones are the tail.
@@ -125,14 +136,8 @@ impl KdTree {
             if proposals.len() < wanted || last.distance > threshold {
                 return Next::Tail;
             }
-            if best.is_full() || question.within.is_some() {
-                let sweep = expected(&proposals, last.distance.max(probe.threshold(0.0)), threshold, self.metric);
-                if sweep <= most as f64 {
-                    return Next::Sweep;
-                }
-                if best.is_full() {
-                    return Next::Scan;
-                }
+            if threshold.is_finite() {
+                return Next::Sweep;
             }
             // A filter left too few: try more, in proportion to what it let through.
             let missing = best.wanted() / best.len().max(1) + 1;
@@ -152,27 +157,23 @@ impl KdTree {
 
     /// Measures all rows whose bound is within the limit, which shrinks meanwhile.
     fn sweep(&self, points: &Points, question: &Question<'_>, probe: &Probe, best: &mut Best) {
-        let radius = probe.threshold(best.limit());
-        let mut threshold = radius;
-        let visit = |proposal: Proposal| {
-            if proposal.distance <= threshold && measure(points, question, proposal.item as usize, best) {
+        let mut threshold = probe.threshold(best.limit());
+        self.packed.sweep(probe, threshold, |row| {
+            if measure(points, question, row as usize, best) {
                 threshold = probe.threshold(best.limit());
             }
-        };
-        match &self.tree {
-            Tree::Few(tree) => within(tree, self.metric, probe.key(), radius, visit),
-            Tree::Many(tree) => within(tree, self.metric, probe.key(), radius, visit),
-        }
+            threshold
+        });
     }
 }
 
 /// Proposals for each neighbour asked for; see the measurements in the module.
-const PROPOSALS_PER_HIT: usize = 3;
+const PROPOSALS_PER_HIT: usize = 2;
 
 /// Proposals at least: fewer are not quicker.
-const FEWEST_PROPOSALS: usize = 24;
+const FEWEST_PROPOSALS: usize = 20;
 
-/// When the tree gives up: above `rows / fraction` proposals (but not below `floor`) the scan takes over.
+/// When the tree gives up: for more than `rows / fraction` proposals (but not below `floor`) the scan takes over.
 #[derive(Clone, Copy)]
 pub(super) struct Effort {
     fraction: usize,
@@ -196,17 +197,6 @@ enum Next {
     Sweep,
     /// All rows have to be looked at.
     Scan,
-}
-
-/// How many keys lie below `threshold`, where `proposals` lie below `last`: a guess, for points of about six intrinsic
-/// dimensions.
-fn expected(proposals: &[Proposal], last: f32, threshold: f32, metric: Metric) -> f64 {
-    let ratio = f64::from(threshold) / f64::from(last);
-    let power = match metric {
-        Metric::L2 => 3,
-        Metric::L1 => 6,
-    };
-    proposals.len() as f64 * ratio.max(1.0).powi(power)
 }
 
 /// The tree of all live rows.
@@ -234,21 +224,6 @@ fn nearest<const K: usize>(
     match metric {
         Metric::L2 => query.nearest_n::<SquaredEuclidean<f32>>(n).execute(),
         Metric::L1 => query.nearest_n::<Manhattan<f32>>(n).execute(),
-    }
-}
-
-fn within<const K: usize>(
-    tree: &ImmutableKdTree<f32, K>,
-    metric: Metric,
-    key: &[f32],
-    radius: f32,
-    visit: impl FnMut(Proposal),
-) {
-    let Ok(key) = <&[f32; K]>::try_from(key) else { return };
-    let query = tree.query(key);
-    match metric {
-        Metric::L2 => query.within::<SquaredEuclidean<f32>>(radius).unsorted().visit(visit),
-        Metric::L1 => query.within::<Manhattan<f32>>(radius).unsorted().visit(visit),
     }
 }
 
@@ -302,7 +277,7 @@ mod tests {
             let tree = tree.unwrap();
             let query = &rows[from % rows.len()];
             let radius = metric.distance(query, &rows[(from + k) % rows.len()]);
-            let some = |id: u64| id % share == 0;
+            let some = |id: u64| id.is_multiple_of(share);
             let index = Index::from_points(points.clone());
             for k in [k, usize::MAX] {
                 for allowed in [Allowed::All, Allowed::When(&some)] {
@@ -312,6 +287,35 @@ mod tests {
                         let found = tree.search(&points, &question, Effort::ENDLESS);
                         prop_assert_eq!(bits(&found), bits(&expected), "{:?}", question);
                     }
+                }
+            }
+        }
+    }
+
+    /// Enough rows for several groups of boxes, some of them far from all others, many of them twice.
+    #[test]
+    fn many_rows_are_swept_exactly() {
+        const ROWS: u64 = 10_000;
+        for (metric, dims) in [(Metric::L2, 12), (Metric::L1, 12), (Metric::L2, 3)] {
+            let ids: Vec<u64> = (0..ROWS).collect();
+            let coordinate = |row: u64, i: u64| {
+                let hash = (row % 7000 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(i as u32 * 5) >> 48;
+                (hash as f32 / 65536.0).powi(1 + i as i32) * if row % 500 == 3 { 40.0 } else { 1.0 }
+            };
+            let point = |row: u64| (0..dims).map(|i| coordinate(row, i)).collect::<Vec<f32>>();
+            let rows: Vec<f32> = ids.iter().flat_map(|&row| point(row)).collect();
+            let points = Points::from_rows(metric, dims as usize, &ids, &rows).unwrap();
+            let tree = KdTree::build(&points).unwrap();
+            let index = Index::from_points(points.clone());
+            let odd = |id: u64| id % 3 == 1;
+            for from in (0..ROWS).step_by(331).chain([3, 503]) {
+                let mut point = point(from);
+                point[1] += 0.01;
+                let nearest = Question::nearest(&point, 12);
+                for question in [nearest, nearest.within(0.2), nearest.allowed(Allowed::When(&odd))] {
+                    let expected = index.search(&question, Method::Linear).unwrap();
+                    assert_eq!(bits(&tree.search(&points, &question, Effort::MEASURED)), bits(&expected));
+                    assert_eq!(bits(&tree.search(&points, &question, Effort::ENDLESS)), bits(&expected));
                 }
             }
         }

@@ -3,7 +3,8 @@
 //! Vocabulary: a *point* is a row of `f32` coordinates with an id; a *[`Question`]* asks for the `k` nearest points, or
 //! those within a radius, or both, among those that a filter allows; a *[`Neighbour`]* is a hit. [`Points`] hold the
 //! rows; the scan (`linear`) reads all of them; a *[`KdTree`]* proposes few. An *[`Index`]* is points with or without a
-//! tree and is what one asks; a *[`SharedIndex`]* lets threads ask while one adds and removes.
+//! tree and is what one asks; a *[`SharedIndex`]* lets threads ask while one adds and removes; a *[`ColdScan`]* answers
+//! one question from a store that was just opened, reading few full rows.
 //!
 //! Exact means exact: [`Metric::distance`] defines a distance to the bit, hits are ordered by (distance, id), ties at
 //! rank `k` go to the lower id, and every [`Method`] returns the same ids with the same bits, whatever the tail, the
@@ -12,17 +13,20 @@
 //! This room stands on the ground: it knows no disk, no descriptors and no spaces.
 
 mod bound;
+mod cold;
 mod error;
 #[allow(clippy::module_inception)]
 mod index;
 mod kdtree;
 mod linear;
 mod metric;
+mod packed;
 mod pairs;
 mod points;
 mod question;
 mod shared;
 
+pub use cold::{ColdScan, key, key_width};
 pub use error::IndexError;
 pub use index::{Index, Method, UnknownMethod, should_rebuild};
 pub use kdtree::KdTree;

@@ -171,11 +171,6 @@ impl Best {
         self.heap.len()
     }
 
-    /// Whether `k` have been found.
-    pub(super) fn is_full(&self) -> bool {
-        self.heap.len() >= self.k
-    }
-
     /// Takes a neighbour in, if it is one of the best.
     #[inline]
     pub(super) fn offer(&mut self, neighbour: Neighbour) {

@@ -137,7 +137,7 @@ proptest! {
     ) {
         let query = at_a_row.and_then(|row| scene.base.get(row)).cloned().unwrap_or(free);
         let index = scene.index();
-        let ids: Vec<u64> = (0..500).filter(|id| id % share == 0).collect();
+        let ids: Vec<u64> = (0..500).filter(|id: &u64| id.is_multiple_of(share)).collect();
         let odd = |id: u64| id % share == 1;
         // One radius at the very distance of a row, where inclusive shows.
         let mut distances: Vec<f64> = scene.live().values().map(|row| scene.metric.distance(&query, row)).collect();

@@ -1,0 +1,91 @@
+//! Warm questions and builds: `cargo bench --bench query`.
+//!
+//! For 600 to a million points of 32 coordinates it first prints medians and 95th percentiles over a thousand questions
+//! that are no rows, linear and k-d tree in one run, after checking that both give the same bits. Then criterion
+//! measures the same for comparison between versions (`cargo bench --bench query -- index/100000` for a part).
+
+// A bench that cannot set up its input has nothing to say.
+#![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
+
+#[path = "support/points.rs"]
+mod points;
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
+use hlacdb::index::{Index, KdTree, Method, Metric, Points, Question};
+use points::{DIMS, Origin};
+
+const SIZES: [usize; 4] = [600, 10_000, 100_000, 1_000_000];
+const QUESTIONS: usize = 1000;
+
+/// An index with its tree.
+fn index(rows: usize, coordinates: &[f32]) -> Index {
+    let ids: Vec<u64> = (1..=rows as u64).collect();
+    let mut index = Index::from_points(Points::from_rows(Metric::L2, DIMS, &ids, coordinates).unwrap());
+    index.rebuild();
+    index
+}
+
+fn ask(index: &Index, point: &[f32], k: usize, method: Method) -> Vec<(u64, u64)> {
+    let hits = index.search(&Question::nearest(point, k), method).unwrap();
+    hits.iter().map(|hit| (hit.id, hit.distance.to_bits())).collect()
+}
+
+/// Median and 95th percentile, in microseconds.
+fn figures(mut times: Vec<Duration>) -> String {
+    times.sort();
+    let at = |share: usize| times[times.len() * share / 100].as_secs_f64() * 1e6;
+    format!("{:9.1} {:9.1}", at(50), at(95))
+}
+
+/// The table of medians, after the answers were compared.
+fn table(index: &Index, questions: &[f32]) {
+    let rows = index.points().len();
+    for k in [10, 30] {
+        for point in questions.chunks_exact(DIMS).take(100) {
+            assert_eq!(ask(index, point, k, Method::Linear), ask(index, point, k, Method::KdTree), "{rows} rows");
+        }
+        for method in [Method::Linear, Method::KdTree, Method::Auto] {
+            let times = questions.chunks_exact(DIMS).map(|point| {
+                let start = Instant::now();
+                black_box(index.search(&Question::nearest(point, k), method).unwrap());
+                start.elapsed()
+            });
+            println!("{rows:>8} {k:>3} {:<7} {}", method.name(), figures(times.collect()));
+        }
+    }
+}
+
+fn index_benches(criterion: &mut Criterion) {
+    let origin = Origin::find();
+    let questions = origin.drawn(QUESTIONS, 99);
+    println!("points: {}", origin.name());
+    println!("    rows   k index   median us    95 % us");
+    for rows in SIZES {
+        let coordinates = origin.points(rows, rows as u64);
+        let index = index(rows, &coordinates);
+        table(&index, &questions);
+        let mut group = criterion.benchmark_group(format!("index/{rows}"));
+        group.sample_size(20);
+        for k in [10, 30] {
+            for method in [Method::Linear, Method::KdTree] {
+                let mut points = questions.chunks_exact(DIMS).cycle();
+                group.bench_function(BenchmarkId::new(method.name(), k), |bench| {
+                    bench.iter_batched(
+                        || points.next().unwrap(),
+                        |point| index.search(&Question::nearest(point, k), method).unwrap(),
+                        BatchSize::SmallInput,
+                    );
+                });
+            }
+        }
+        group.sample_size(10);
+        group.bench_function("build", |bench| bench.iter(|| KdTree::build(index.points()).unwrap().rows()));
+        group.finish();
+    }
+}
+
+criterion_group!(benches, index_benches);
+criterion_main!(benches);
