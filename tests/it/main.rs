@@ -3,5 +3,6 @@
 // A test says what it expects by unwrapping it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod kernels;
 mod reference_sums;
 mod support;
