@@ -7,6 +7,7 @@ mod index;
 mod model;
 mod program;
 mod real;
+mod kernels;
 mod reference_sums;
 mod store;
 mod support;
