@@ -8,6 +8,7 @@
 
 mod extraction;
 mod hit_sum;
+#[allow(unsafe_code, reason = "vector instructions; every block says what makes it sound")]
 pub mod kernel;
 pub mod masks;
 pub mod orbits;
