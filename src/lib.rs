@@ -50,6 +50,11 @@ pub mod store;
 pub mod synth;
 pub mod volume;
 
+/// The examples of the README are compiled and run like any other.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 pub use database::{
     Added, BlockOf, Compacted, ContentHash, DEFAULT_SPACE, Database, Exported, Imported, Meta, OpenOptions, Prepared,
     Reindex, Reindexed, SpaceReport, StatisticsReport, Texture, Verified,

@@ -79,6 +79,20 @@ struct Extracted {
     moments: Vec<f64>,
 }
 
+#[derive(Serialize)]
+struct Document<'a> {
+    files: &'a [Extracted],
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    failed: Vec<Failed<'a>>,
+}
+
+/// A file that gave no volume.
+#[derive(Serialize)]
+struct Failed<'a> {
+    path: &'a str,
+    error: &'a str,
+}
+
 impl Extract {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let bars = Bars::new(context);
@@ -152,12 +166,8 @@ impl Extract {
             eprintln!("hlacdb: {error}");
         }
         if context.json {
-            let mut document = serde_json::json!({ "files": good });
-            if !bad.is_empty() {
-                let failed = |(path, error): &(String, String)| serde_json::json!({ "path": path, "error": error });
-                document["failed"] = bad.iter().map(failed).collect();
-            }
-            return context.print_json(&document);
+            let failed = bad.iter().map(|(path, error)| Failed { path, error }).collect();
+            return context.print_json(&Document { files: good, failed });
         }
         let mut table = Table::new([
             ("shape", Align::Left),

@@ -187,7 +187,7 @@ pub(super) fn write_sheet(
     }
     let mut panels = Vec::with_capacity(volumes.len() + 1);
     if let Some(volume) = example {
-        panels.push(sheet::Panel { volume, caption: vec!["query".into(), title.to_owned()] });
+        panels.push(sheet::Panel { volume, caption: vec![title.to_owned(), "the query".into()] });
     }
     for (hit, volume) in &volumes {
         let caption =
@@ -197,5 +197,10 @@ pub(super) fn write_sheet(
     if panels.is_empty() {
         return Err(Failure::sentence("no voxels are stored of the example or its hits: there is nothing to draw"));
     }
-    Ok(sheet::write_png(&sheet::draw(&panels, &sheet::Layout::default()), path)?)
+    let layout = sheet::Layout {
+        title: Some(format!("Nearest to {title}, space {}", answer.space)),
+        query_first: example.is_some(),
+        ..sheet::Layout::default()
+    };
+    Ok(sheet::write_png(&sheet::draw(&panels, &layout), path)?)
 }

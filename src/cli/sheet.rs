@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use hlacdb::volume::{display_path, sheet};
 
-use super::table::{shape, tags};
+use super::table::tags;
 use super::{Context, Failure, Outcome};
 
 /// A picture of one texture's slices (the paper's Figure 1)
@@ -46,14 +46,14 @@ impl Sheet {
         };
         let out = self.out.unwrap_or_else(|| PathBuf::from(format!("texture-{}.png", self.id)));
         let caption =
-            vec![texture.name.clone(), format!("id {}  {}", texture.id, shape(texture.shape)), tags(&texture.tags)];
+            vec![texture.name.clone(), format!("id {}", texture.id), tags(&texture.tags)];
         let layout = sheet::Layout {
             columns: usize::from(self.columns),
             slices: usize::from(self.slices),
             axis: self.axis,
             ..sheet::Layout::default()
         };
-        sheet::write_png(&sheet::draw(&[sheet::Panel { volume: &volume, caption }], &layout), &out)?;
+        sheet::write_png(&sheet::draw_one(&sheet::Panel { volume: &volume, caption }, &layout), &out)?;
         if context.json {
             context.print_json(&serde_json::json!({ "id": self.id, "sheet": display_path(&out) }))?;
         } else {
