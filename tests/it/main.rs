@@ -3,6 +3,7 @@
 // A test says what it expects by unwrapping it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod kernels;
 mod reference_sums;
 mod space;
 mod support;

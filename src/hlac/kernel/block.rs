@@ -1,0 +1,311 @@
+//! [`Memory`] and [`Block`]: packed voxels, and what a pass over them adds to.
+
+use std::marker::PhantomData;
+use std::mem::MaybeUninit;
+
+use super::lanes::{Lanes, MAX_WORDS};
+use super::plan::{ONE, TERMS};
+
+/// How many window planes are packed at once, and at most how many window rows of each.
+pub(super) const CHUNK: [usize; 2] = [16, 32];
+
+/// How many rows fit a 32-bit lane: a row adds two products of at most 32 768 x 255 to it.
+pub(super) const BLOCK_ROWS: usize = 128;
+
+/// The thirds of the plans: 27 cells and [`ONE`].
+pub(super) const THIRDS: usize = ONE + 1;
+
+/// Words, aligned to the widest register.
+#[repr(C, align(64))]
+pub(super) struct Words<const N: usize>(pub(super) [i16; N]);
+
+/// What one call of a kernel works in: about 160 KB of stack, most of it in the second-level cache at a time.
+///
+/// A packed row is three registers: the voxels of one register of windows, seen from their cells of x = 0, 1 and 2, so
+/// that every load is aligned. Lanes without a window are 0.
+#[repr(C, align(64))]
+pub(super) struct Memory {
+    voxels: MaybeUninit<Words<{ (CHUNK[0] + 2) * (CHUNK[1] + 2) * 3 * MAX_WORDS }>>,
+    /// 1 in the lanes of windows.
+    pub(super) ones: Words<MAX_WORDS>,
+    /// For each packed plane and each (y, x) of a cell, the sums of the rows, and of the products of paired rows.
+    planes: MaybeUninit<Words<{ (CHUNK[0] + 2) * 9 * 2 * MAX_WORDS }>>,
+    /// For each third, minus the sum over the block of the products of its values in paired rows.
+    third_products: Words<{ THIRDS * MAX_WORDS }>,
+    /// For each third, the sum of its values, in 64-bit lanes.
+    pub(super) third_sums: Words<{ THIRDS * MAX_WORDS }>,
+    /// For each term of the plan, its sum, in 64-bit lanes.
+    pub(super) totals: Words<{ TERMS * MAX_WORDS }>,
+}
+
+impl Memory {
+    pub(super) fn new() -> Self {
+        Self {
+            voxels: MaybeUninit::uninit(),
+            ones: Words([0; _]),
+            planes: MaybeUninit::uninit(),
+            third_products: Words([0; _]),
+            third_sums: Words([0; _]),
+            totals: Words([0; _]),
+        }
+    }
+
+    /// Where a packed row begins.
+    #[inline(always)]
+    pub(super) fn row<V: Lanes>(&mut self, plane: usize, row: usize) -> *mut i16 {
+        debug_assert!(plane < CHUNK[0] + 2 && row < CHUNK[1] + 2, "{plane} {row}");
+        self.voxels.as_mut_ptr().cast::<i16>().wrapping_add(plane * plane_words::<V>() + row * row_words::<V>())
+    }
+
+    /// Where the two sums of a packed plane are.
+    #[inline(always)]
+    fn plane<V: Lanes>(&mut self, plane: usize, cell: usize) -> *mut i16 {
+        debug_assert!(plane < CHUNK[0] + 2 && cell < 9, "{plane} {cell}");
+        self.planes.as_mut_ptr().cast::<i16>().wrapping_add((plane * 9 + cell) * 2 * V::WORDS)
+    }
+}
+
+const fn row_words<V: Lanes>() -> usize {
+    3 * V::WORDS
+}
+
+const fn plane_words<V: Lanes>() -> usize {
+    (CHUNK[1] + 2) * row_words::<V>()
+}
+
+/// One row of windows in packed memory.
+#[derive(Clone, Copy)]
+pub(super) struct Row<V> {
+    at: *const i16,
+    ones: *const i16,
+    lanes: PhantomData<V>,
+}
+
+impl<V: Lanes> Row<V> {
+    /// The next row of windows.
+    #[inline(always)]
+    pub(super) fn next(self) -> Self {
+        Self { at: self.at.wrapping_add(row_words::<V>()), ..self }
+    }
+
+    /// The intensities at a third cell.
+    ///
+    /// # Safety
+    /// The CPU must have the instructions of `V`, and the row must lie inside its block.
+    #[inline(always)]
+    pub(super) unsafe fn third(self, third: usize) -> V {
+        let at = match third {
+            ONE => self.ones,
+            cell => {
+                let offset = cell / 9 * plane_words::<V>() + cell / 3 % 3 * row_words::<V>() + cell % 3 * V::WORDS;
+                self.at.wrapping_add(offset)
+            }
+        };
+        // SAFETY: a block's rows are packed with the two rows and the two planes that their windows reach into.
+        unsafe { V::load(at) }
+    }
+
+    /// The products of the intensities at two cells, less 32 768, so that they fit a signed word.
+    ///
+    /// # Safety
+    /// As for [`Row::third`].
+    #[inline(always)]
+    pub(super) unsafe fn pair(self, [a, b]: [usize; 2]) -> V {
+        // SAFETY: the caller promises the same.
+        unsafe { self.third(a).multiply_words(self.third(b)).xor(V::splat(i16::MIN)) }
+    }
+}
+
+struct Steps<V> {
+    row: Row<V>,
+    left: usize,
+    in_plane: usize,
+    count: usize,
+    step: usize,
+    turn: usize,
+}
+
+impl<V: Lanes> Iterator for Steps<V> {
+    type Item = Row<V>;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Row<V>> {
+        if self.left == 0 {
+            return None;
+        }
+        let row = self.row;
+        self.left -= 1;
+        self.in_plane -= 1;
+        let turn = if self.in_plane == 0 { self.turn } else { 0 };
+        self.in_plane = if self.in_plane == 0 { self.count } else { self.in_plane };
+        self.row.at = row.at.wrapping_add(self.step + turn);
+        Some(row)
+    }
+}
+
+/// As many packed windows as a 32-bit lane can sum up: at most [`BLOCK_ROWS`] rows.
+pub(super) struct Block<'a, V> {
+    memory: &'a mut Memory,
+    first: usize,
+    /// The number of window planes.
+    pub(super) planes: usize,
+    /// In each plane, the rows that are taken two at a time, and then those that are taken one by one.
+    pub(super) row_pairs: usize,
+    pub(super) single_rows: usize,
+    lanes: PhantomData<V>,
+}
+
+impl<'a, V: Lanes> Block<'a, V> {
+    /// The block of `planes` window planes of `rows` rows from the packed plane `first`.
+    pub(super) fn new(
+        memory: &'a mut Memory,
+        first: usize,
+        planes: usize,
+        row_pairs: usize,
+        single_rows: usize,
+    ) -> Self {
+        assert!(planes * (2 * row_pairs + single_rows) <= BLOCK_ROWS, "{planes} planes of {row_pairs} row pairs");
+        Self { memory, first, planes, row_pairs, single_rows, lanes: PhantomData }
+    }
+
+    /// The rows that are taken two at a time, as the first of each two.
+    #[inline(always)]
+    pub(super) fn pairs(&mut self) -> impl Iterator<Item = Row<V>> + use<V> {
+        let (row, planes, count) = (self.first_row(), self.planes, self.row_pairs);
+        Steps {
+            row,
+            left: planes * count,
+            in_plane: count,
+            count,
+            step: 2 * row_words::<V>(),
+            turn: plane_words::<V>() - 2 * count * row_words::<V>(),
+        }
+    }
+
+    /// The rows that are taken one by one.
+    #[inline(always)]
+    pub(super) fn singles(&mut self) -> impl Iterator<Item = Row<V>> + use<V> {
+        let mut row = self.first_row();
+        row.at = row.at.wrapping_add(2 * self.row_pairs * row_words::<V>());
+        let (planes, count) = (self.planes, self.single_rows);
+        Steps {
+            row,
+            left: planes * count,
+            in_plane: count,
+            count,
+            step: row_words::<V>(),
+            turn: plane_words::<V>() - count * row_words::<V>(),
+        }
+    }
+
+    #[inline(always)]
+    fn first_row(&mut self) -> Row<V> {
+        let ones = self.memory.ones.0.as_ptr();
+        Row { at: self.memory.row::<V>(self.first, 0), ones, lanes: PhantomData }
+    }
+
+    /// Minus the sum of the products of a third's values in paired rows.
+    ///
+    /// # Safety
+    /// The CPU must have the instructions of `V`.
+    #[inline(always)]
+    pub(super) unsafe fn third_products(&self, third: usize) -> V {
+        let register = &self.memory.third_products.0[third * V::WORDS..][..V::WORDS];
+        // SAFETY: the register's words were borrowed just above.
+        unsafe { V::load(register.as_ptr()) }
+    }
+
+    /// Adds the sum of a term to its total.
+    ///
+    /// # Safety
+    /// The CPU must have the instructions of `V`.
+    #[inline(always)]
+    pub(super) unsafe fn add_total(&mut self, term: usize, sum: V) {
+        let total = self.memory.totals.0[term * V::WORDS..][..V::WORDS].as_mut_ptr();
+        // SAFETY: the register's words were borrowed just above.
+        unsafe { V::load(total).add_widened(sum).store(total) }
+    }
+
+    /// Makes [`Block::third_products`] of the planes' sums.
+    ///
+    /// # Safety
+    /// The CPU must have the instructions of `V`, and [`sum_planes`] must have seen the planes.
+    #[inline(always)]
+    pub(super) unsafe fn prepare(&mut self) {
+        let products = self.memory.third_products.0.as_mut_ptr();
+        // SAFETY: there are `THIRDS` registers of products.
+        unsafe {
+            for third in 0..ONE {
+                let mut sum = V::zero();
+                for plane in 0..self.planes {
+                    let plane = self.memory.plane::<V>(self.first + plane + third / 9, third % 9);
+                    sum = sum.subtract(V::load(plane.wrapping_add(V::WORDS)));
+                }
+                sum.store(products.add(third * V::WORDS));
+            }
+            let ones = V::load(self.memory.ones.0.as_ptr());
+            let pairs = V::splat((self.planes * self.row_pairs) as i16);
+            V::zero().subtract(V::zero().multiply_add(ones, pairs)).store(products.add(ONE * V::WORDS));
+        }
+    }
+}
+
+/// Sums up the rows of each packed plane, and adds them to the thirds' sums.
+///
+/// The sums over windows of the cells above one another differ by the first and last rows only, and planes serve up to three
+/// layers of cells: a few additions to a row instead of 27.
+///
+/// # Safety
+/// The CPU must have the instructions of `V`; `planes + 2` planes of `rows + 2` rows must be packed.
+#[inline(always)]
+pub(super) unsafe fn sum_planes<V: Lanes, const FOLD: bool>(memory: &mut Memory, planes: usize, rows: usize) {
+    let row_pairs = if FOLD { rows / 2 } else { 0 };
+    // SAFETY: rows and planes lie inside what is packed, and there are `THIRDS` registers of sums.
+    unsafe {
+        for plane in 0..planes + 2 {
+            let start = memory.row::<V>(plane, 0);
+            let row = |y: usize, x: usize| V::load(start.wrapping_add(y * row_words::<V>() + x * V::WORDS));
+            let mut sums = [V::zero(); 3];
+            let (mut even, mut odd) = ([V::zero(); 3], [V::zero(); 3]);
+            for pair in 0..row_pairs {
+                for x in 0..3 {
+                    let [a, b, c] = [row(2 * pair, x), row(2 * pair + 1, x), row(2 * pair + 2, x)];
+                    sums[x] = sums[x].add_words(a).add_words(b);
+                    even[x] = even[x].multiply_add(a, b);
+                    odd[x] = odd[x].multiply_add(b, c);
+                }
+            }
+            for y in 2 * row_pairs..rows {
+                sums = [0, 1, 2].map(|x| sums[x].add_words(row(y, x)));
+            }
+            for (x, mut sum) in sums.into_iter().enumerate() {
+                let mut products = [even[x], odd[x], even[x]];
+                if row_pairs > 0 {
+                    let y = 2 * row_pairs;
+                    let first = V::zero().multiply_add(row(0, x), row(1, x));
+                    products[2] = even[x].multiply_add(row(y, x), row(y + 1, x)).subtract(first);
+                }
+                for (y, product) in products.into_iter().enumerate() {
+                    let at = memory.plane::<V>(plane, 3 * y + x);
+                    V::zero().multiply_add(sum, V::splat(1)).store(at);
+                    product.store(at.wrapping_add(V::WORDS));
+                    if y < 2 {
+                        sum = sum.add_words(row(rows + y, x)).subtract_words(row(y, x));
+                    }
+                }
+            }
+        }
+        let totals = memory.third_sums.0.as_mut_ptr();
+        for third in 0..ONE {
+            let mut sum = V::zero();
+            for plane in 0..planes {
+                sum = sum.add(V::load(memory.plane::<V>(plane + third / 9, third % 9)));
+            }
+            let total = totals.add(third * V::WORDS);
+            V::load(total).add_widened(sum).store(total);
+        }
+        let windows = V::zero().multiply_add(V::load(memory.ones.0.as_ptr()), V::splat((planes * rows) as i16));
+        let total = totals.add(ONE * V::WORDS);
+        V::load(total).add_widened(windows).store(total);
+    }
+}

@@ -1,0 +1,154 @@
+//! [`Lanes`]: the dozen vector operations that the exact sums are made of, and their plain implementation.
+//!
+//! One register type serves as 16-bit words and as 32-bit integers (two words each). The kernels are one body over this
+//! trait; an instruction set is one file that implements it.
+
+/// A vector register.
+///
+/// # Safety
+/// Every function may use instructions that only some CPUs have: the caller must have checked for those of the
+/// implementing file. Pointers must be valid for [`Lanes::WORDS`] elements and, but for `widen`, aligned to the register.
+/// Functions are `#[inline(always)]`, so that they become part of a caller that has the instructions enabled.
+pub(super) trait Lanes: Copy {
+    /// How many 16-bit words a register holds; at most [`MAX_WORDS`].
+    const WORDS: usize;
+    /// Words `GROUP * i .. GROUP * (i + 1)` end in 64-bit lanes `GROUP / 4 * i .. GROUP / 4 * (i + 1)`.
+    const GROUP: usize;
+
+    /// All bits 0.
+    unsafe fn zero() -> Self;
+    /// The same word everywhere.
+    unsafe fn splat(word: i16) -> Self;
+    /// Reads words.
+    unsafe fn load(from: *const i16) -> Self;
+    /// Writes words.
+    unsafe fn store(self, to: *mut i16);
+    /// Reads bytes into words, 0 to 255.
+    unsafe fn widen(from: *const u8) -> Self;
+    /// Bitwise and.
+    unsafe fn and(self, other: Self) -> Self;
+    /// Bitwise exclusive or.
+    unsafe fn xor(self, other: Self) -> Self;
+    /// The wrapping sum of words.
+    unsafe fn add_words(self, other: Self) -> Self;
+    /// The wrapping difference of words.
+    unsafe fn subtract_words(self, other: Self) -> Self;
+    /// The low 16 bits of the products of words.
+    unsafe fn multiply_words(self, other: Self) -> Self;
+    /// The wrapping sum of 32-bit lanes.
+    unsafe fn add(self, other: Self) -> Self;
+    /// The wrapping difference of 32-bit lanes.
+    unsafe fn subtract(self, other: Self) -> Self;
+    /// Adds the sums of neighbouring 32-bit lanes, with their signs, to 64-bit lanes.
+    unsafe fn add_widened(self, sums: Self) -> Self;
+    /// Adds the products of signed words to 32-bit lanes, wrapping; which word goes where is told by `GROUP`.
+    unsafe fn multiply_add(self, a: Self, b: Self) -> Self;
+}
+
+/// The widest register, in words.
+pub(super) const MAX_WORDS: usize = 32;
+
+/// Eight words in plain Rust: runs everywhere, and is what the tests of the shared body run under Miri-like conditions.
+#[derive(Clone, Copy)]
+#[repr(align(16))]
+pub(super) struct Portable([i16; Portable::WORDS]);
+
+impl Portable {
+    #[inline(always)]
+    fn words(self, other: Self, f: impl Fn(i16, i16) -> i16) -> Self {
+        Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
+    }
+
+    #[inline(always)]
+    fn integers(self, f: impl Fn(usize, i32) -> i32) -> Self {
+        let mut words = [0; Self::WORDS];
+        for lane in 0..Self::WORDS / 2 {
+            let value = i32::from(self.0[2 * lane + 1]) << 16 | i32::from(self.0[2 * lane] as u16);
+            let value = f(lane, value);
+            words[2 * lane] = value as i16;
+            words[2 * lane + 1] = (value >> 16) as i16;
+        }
+        Self(words)
+    }
+
+    #[inline(always)]
+    fn integer(self, lane: usize) -> i32 {
+        i32::from(self.0[2 * lane + 1]) << 16 | i32::from(self.0[2 * lane] as u16)
+    }
+}
+
+impl Lanes for Portable {
+    const WORDS: usize = 8;
+    const GROUP: usize = 4;
+
+    #[inline(never)]
+    unsafe fn zero() -> Self {
+        Self([0; Self::WORDS])
+    }
+    #[inline(never)]
+    unsafe fn splat(word: i16) -> Self {
+        Self([word; Self::WORDS])
+    }
+    #[inline(never)]
+    unsafe fn load(from: *const i16) -> Self {
+        // SAFETY: the caller promises `WORDS` readable, aligned words.
+        unsafe { from.cast::<Self>().read() }
+    }
+    #[inline(never)]
+    unsafe fn store(self, to: *mut i16) {
+        // SAFETY: the caller promises `WORDS` writable, aligned words.
+        unsafe { to.cast::<Self>().write(self) }
+    }
+    #[inline(never)]
+    unsafe fn widen(from: *const u8) -> Self {
+        // SAFETY: the caller promises `WORDS` readable bytes; bytes need no alignment.
+        let bytes = unsafe { from.cast::<[u8; Self::WORDS]>().read() };
+        Self(bytes.map(i16::from))
+    }
+    #[inline(never)]
+    unsafe fn and(self, other: Self) -> Self {
+        self.words(other, |a, b| a & b)
+    }
+    #[inline(never)]
+    unsafe fn xor(self, other: Self) -> Self {
+        self.words(other, |a, b| a ^ b)
+    }
+    #[inline(never)]
+    unsafe fn add_words(self, other: Self) -> Self {
+        self.words(other, i16::wrapping_add)
+    }
+    #[inline(never)]
+    unsafe fn subtract_words(self, other: Self) -> Self {
+        self.words(other, i16::wrapping_sub)
+    }
+    #[inline(never)]
+    unsafe fn multiply_words(self, other: Self) -> Self {
+        self.words(other, i16::wrapping_mul)
+    }
+    #[inline(never)]
+    unsafe fn add(self, other: Self) -> Self {
+        self.integers(|lane, value| value.wrapping_add(other.integer(lane)))
+    }
+    #[inline(never)]
+    unsafe fn subtract(self, other: Self) -> Self {
+        self.integers(|lane, value| value.wrapping_sub(other.integer(lane)))
+    }
+    #[inline(never)]
+    unsafe fn add_widened(self, sums: Self) -> Self {
+        let mut words = [0; Self::WORDS];
+        for lane in 0..Self::WORDS / 4 {
+            let parts = [0, 1, 2, 3].map(|word| u64::from(self.0[4 * lane + word] as u16) << (16 * word));
+            let sum = i64::from(sums.integer(2 * lane)) + i64::from(sums.integer(2 * lane + 1));
+            let value = parts.iter().sum::<u64>().wrapping_add(sum as u64);
+            for word in 0..4 {
+                words[4 * lane + word] = (value >> (16 * word)) as i16;
+            }
+        }
+        Self(words)
+    }
+    #[inline(never)]
+    unsafe fn multiply_add(self, a: Self, b: Self) -> Self {
+        let product = |word: usize| i32::from(a.0[word]) * i32::from(b.0[word]);
+        self.integers(|lane, value| value.wrapping_add(product(2 * lane)).wrapping_add(product(2 * lane + 1)))
+    }
+}
