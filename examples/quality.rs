@@ -1,23 +1,30 @@
-//! How well the spaces retrieve: `cargo run --release --example quality [RECIPE [LABEL]]...`.
+//! How well the spaces retrieve: `cargo run --release --example quality [RECIPE LABEL]...`.
 //!
-//! For each recipe (a built-in name or a TOML file; `families` by `family` and `paper600` by `class` unless said
-//! otherwise) every texture asks for all others, clean and under all nuisances. What is fitted never saw the family of
-//! the query: the store's own statistics are those of the other families. Printed: mean average precision, precision
-//! at 1 and at 30, by space and by what it was fitted on: the prior alone, the store's own statistics alone, or both.
+//! For each recipe (a built-in name or a TOML file; `families` by `family` and `paper600` by `class` where none is
+//! named) every texture asks for all others, clean and under all nuisances. What is fitted never saw the families of
+//! the query's label: the prior is made of the other families of `datasets/prior.toml`, and the store's own statistics
+//! of the textures of other labels (except where there are two labels only). Printed, by space and by what it was
+//! fitted on (the prior alone, own statistics alone, or both, for each prior weight in `$WEIGHTS`): mean average
+//! precision, precision at 1 and at 30.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 
 use hlacdb::hlac::{self, MASK_COUNT, View};
+use hlacdb::space::prior::{self, Observations};
 use hlacdb::space::{Contribution, Definition, Features, Kind, Metric, Prior, Space, Statistics};
 use hlacdb::synth::{Nuisance, Recipe, Specimen};
 use rayon::prelude::*;
 
 type Failure = Box<dyn Error + Send + Sync>;
 
+/// Copies of each texture of the prior under nuisances, as in the shipped one.
+const COPIES: u64 = 2;
+
 /// A described texture.
 struct Texture {
     label: String,
+    family: String,
     moments: BTreeMap<View, [f32; MASK_COUNT]>,
     contributions: Vec<Contribution>,
 }
@@ -28,6 +35,7 @@ fn main() -> Result<(), Failure> {
         [] => vec![("families".into(), "family".into()), ("paper600".into(), "class".into())],
         named => named.chunks(2).map(|c| (c[0].clone(), c.get(1).cloned().unwrap_or("family".into()))).collect(),
     };
+    let observed = observed()?;
     for (name, label) in sets {
         let recipe = match Recipe::builtin(&name) {
             Ok(recipe) => recipe,
@@ -36,37 +44,77 @@ fn main() -> Result<(), Failure> {
         let clean = textures(&recipe.clone().with_nuisance(Nuisance::NONE).specimens(), &label)?;
         let all = textures(&recipe.with_nuisance(Nuisance::ALL).specimens(), &label)?;
         let labels: BTreeSet<&str> = clean.iter().map(|texture| texture.label.as_str()).collect();
+        let priors = labels.par_iter().map(|&label| Ok((label.to_owned(), prior_without(label, &clean, &observed)?)));
+        let priors: BTreeMap<String, Prior> = priors.collect::<Result<_, Failure>>()?;
         println!("\n{name}: {} textures, {} labels; mAP / P@1 / P@30", clean.len(), labels.len());
         println!("| space | fitted on | clean | all nuisances | nuisance query, clean store |");
         println!("|---|---|---|---|---|");
         for name in Definition::BUILT_IN {
-            for (fitted, prior, own) in fits(name) {
-                let definition = Definition::built_in(name).ok_or("no such space")?;
-                let [clean_scores, all_scores, crossed] = [
-                    scores(&definition, &prior, own, &clean, &clean)?,
-                    scores(&definition, &prior, own, &all, &all)?,
-                    scores(&definition, &prior, own, &all, &clean)?,
-                ];
-                println!("| {name} | {fitted} | {clean_scores} | {all_scores} | {crossed} |");
+            let definition = Definition::built_in(name).ok_or("no such space")?;
+            for fit in fits(&definition) {
+                let clean_scores = scores(&definition, &fit, &priors, &clean, &clean)?;
+                let all_scores = scores(&definition, &fit, &priors, &all, &all)?;
+                let crossed = scores(&definition, &fit, &priors, &all, &clean)?;
+                println!("| {name} | {} | {clean_scores} | {all_scores} | {crossed} |", fit.name);
             }
         }
     }
     Ok(())
 }
 
-/// What a space is fitted on: its name, the prior, and whether the store's own statistics are looked at.
-fn fits(space: &str) -> Vec<(String, Prior, bool)> {
-    if space == "paper" || space == "zscore" {
-        return vec![("own".into(), Prior::none(), true)];
+/// What a space is fitted on.
+struct Fit {
+    name: String,
+    /// How many textures the prior counts as.
+    weight: f64,
+    /// Whether the store's own statistics are looked at.
+    own: bool,
+}
+
+fn fits(definition: &Definition) -> Vec<Fit> {
+    let fit = |name: &str, weight, own| Fit { name: name.to_owned(), weight, own };
+    if !matches!(definition.kind, Kind::Likeness { .. }) {
+        return vec![fit("own", 0.0, true)];
     }
-    let shipped = Prior::shipped();
-    let mut fits = vec![("prior".into(), shipped.clone(), false), ("own".into(), Prior::none(), true)];
     let weights: Vec<f64> = match std::env::var("WEIGHTS") {
         Ok(list) => list.split(',').filter_map(|weight| weight.parse().ok()).collect(),
-        Err(_) => vec![shipped.weight()],
+        Err(_) => vec![prior::WEIGHT],
     };
-    fits.extend(weights.into_iter().map(|w| (format!("prior as {w} + own"), shipped.clone().with_weight(w), true)));
-    fits
+    let both = weights.into_iter().map(|weight| fit(&format!("prior as {weight}, own"), weight, true));
+    [fit("prior", 1.0, false), fit("own, nuisances of the prior", 1e-6, true)].into_iter().chain(both).collect()
+}
+
+/// What the textures of the prior's recipe give, by family.
+fn observed() -> Result<BTreeMap<String, Observations>, Failure> {
+    let specimens = Recipe::builtin("prior")?.specimens();
+    let mut families: BTreeMap<&str, Vec<(u64, &Specimen)>> = BTreeMap::new();
+    for (at, specimen) in specimens.iter().enumerate() {
+        families.entry(specimen.family.name).or_default().push((at as u64, specimen));
+    }
+    let observe = |(family, specimens): (&str, Vec<(u64, &Specimen)>)| {
+        let mut observations = Observations::default();
+        for (at, specimen) in specimens {
+            let texture = specimen.plain_volume();
+            let copy = |copy| Nuisance::ALL.draw(COPIES * at + copy).apply(&texture);
+            observations.add(&texture, &(0..COPIES).map(copy).collect::<Vec<_>>())?;
+        }
+        Ok((family.to_owned(), observations))
+    };
+    families.into_par_iter().map(observe).collect()
+}
+
+/// The prior of the families that no texture of this label is of.
+fn prior_without(
+    label: &str,
+    textures: &[Texture],
+    observed: &BTreeMap<String, Observations>,
+) -> Result<Prior, Failure> {
+    let of_label = |family: &str| textures.iter().any(|t| t.label == label && t.family == family);
+    let mut kept = Observations::default();
+    for (_, observations) in observed.iter().filter(|(family, _)| !of_label(family)) {
+        kept.merge(observations)?;
+    }
+    Ok(Prior::decode(&kept.encode())?)
 }
 
 fn textures(specimens: &[Specimen], label: &str) -> Result<Vec<Texture>, Failure> {
@@ -80,6 +128,7 @@ fn textures(specimens: &[Specimen], label: &str) -> Result<Vec<Texture>, Failure
         let contributions = recipes.values().filter_map(|r| Contribution::of_sums(r, &described).transpose());
         Ok(Texture {
             label: specimen.tags.get(label).cloned().unwrap_or_default(),
+            family: specimen.tags.get("family").cloned().unwrap_or_default(),
             contributions: contributions.collect::<Result<_, _>>()?,
             moments: described.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect(),
         })
@@ -106,8 +155,8 @@ impl std::fmt::Display for Scores {
 /// Each query asks for the textures of the store; its own number among them is left out.
 fn scores(
     definition: &Definition,
-    prior: &Prior,
-    own: bool,
+    fit: &Fit,
+    priors: &BTreeMap<String, Prior>,
     queries: &[Texture],
     store: &[Texture],
 ) -> Result<Scores, Failure> {
@@ -128,15 +177,16 @@ fn scores(
     // The paper's experiment has two classes: to leave one out is to leave half the store out.
     let labels: BTreeSet<&str> = queries.iter().map(|texture| texture.label.as_str()).collect();
     let left_out = |label: &str| -> Result<Statistics, Failure> {
-        let mut statistics = if own { whole.clone() } else { Statistics::new(&definition.recipe) };
-        if own && labels.len() > 2 && definition.kind != Kind::ZScore {
+        let mut statistics = if fit.own { whole.clone() } else { Statistics::new(&definition.recipe) };
+        if fit.own && labels.len() > 2 && definition.kind != Kind::ZScore {
             let gone = store.iter().zip(&stored).filter(|(texture, _)| texture.label == label);
             gone.map(|(_, contribution)| contribution).try_for_each(|texture| statistics.remove(texture))?;
         }
         Ok(statistics)
     };
     let per_label = labels.par_iter().map(|&label| {
-        let space = Space::fit(definition, &left_out(label)?, None, prior)?;
+        let prior = priors.get(label).cloned().unwrap_or(Prior::none()).with_weight(fit.weight);
+        let space = Space::fit(definition, &left_out(label)?, None, &prior)?;
         let points = |features: &[Features]| features.iter().map(|f| space.point(f)).collect::<Result<Vec<_>, _>>();
         let (query_points, store_points) = (points(&query_features)?, points(&store_features)?);
         let mut scores = Scores::default();

@@ -113,7 +113,7 @@ def main(folder, masks, prior, weight):
         difference = np.abs(points(features, *model) - load(f"points_{name}")).max()
         worst = max(worst, difference)
         print(f"{name}: largest difference of a coordinate {difference:.1e} over {len(features)} textures")
-    return worst > 1e-6
+    return int(worst > 1e-6)
 
 
 if __name__ == "__main__":

@@ -75,8 +75,13 @@ impl Writer {
         let width = ((129 - used.leading_zeros()).div_ceil(8) as usize).clamp(1, 16);
         self.length(values.len());
         self.u8(width as u8);
-        self.0.reserve(values.len() * width);
-        values.iter().for_each(|value| self.0.extend(&value.to_le_bytes()[..width]));
+        // Each written whole, its upper bytes overwritten by the next: copies of a fixed size are quick.
+        let start = self.0.len();
+        self.0.resize(start + values.len() * width + 16, 0);
+        for (at, value) in values.iter().enumerate() {
+            self.0[start + at * width..][..16].copy_from_slice(&value.to_le_bytes());
+        }
+        self.0.truncate(start + values.len() * width);
     }
 
     pub(super) fn finish(mut self) -> Vec<u8> {
@@ -152,12 +157,6 @@ impl<'a> Reader<'a> {
         self.take(length as usize)
     }
 
-    /// The items of a list that must have `length` of them, `width` bytes each.
-    fn items(&mut self, length: usize, width: usize) -> Result<std::slice::ChunksExact<'a, u8>, SpaceError> {
-        let size = length.checked_mul(width).ok_or(self.damaged("a list in it is too long"))?;
-        Ok(self.take(size)?.chunks_exact(width))
-    }
-
     fn length(&mut self, expected: usize) -> Result<(), SpaceError> {
         if self.u32()? as usize == expected { Ok(()) } else { Err(self.damaged("a list in it has the wrong length")) }
     }
@@ -170,7 +169,8 @@ impl<'a> Reader<'a> {
     pub(super) fn f32s(&mut self, length: usize) -> Result<Vec<f32>, SpaceError> {
         self.length(length)?;
         let number = |bytes: &[u8]| bytes.try_into().map_or(f32::NAN, f32::from_le_bytes);
-        let values: Vec<f32> = self.items(length, 4)?.map(number).collect();
+        let size = length.checked_mul(4).ok_or(self.damaged("a list in it is too long"))?;
+        let values: Vec<f32> = self.take(size)?.chunks_exact(4).map(number).collect();
         if values.iter().all(|value| value.is_finite()) {
             Ok(values)
         } else {
@@ -184,13 +184,16 @@ impl<'a> Reader<'a> {
         if !(1..=16).contains(&width) {
             return Err(self.damaged("an integer in it has an impossible width"));
         }
-        let unpack = |bytes: &[u8]| {
-            // Into the upper end, so that shifting down brings the sign along.
-            let mut wide = [0; 16];
-            wide[16 - width..].copy_from_slice(bytes);
-            i128::from_le_bytes(wide) >> (128 - 8 * width)
+        let size = length.checked_mul(width).ok_or(self.damaged("a list in it is too long"))?;
+        // As it was written: each read whole with what follows it, which shifting up drops, and down again brings the
+        // sign along.
+        let mut bytes = self.take(size)?.to_vec();
+        bytes.resize(size + 16, 0);
+        let unpack = |at: usize| {
+            let (wide, _) = bytes[at * width..].split_first_chunk().unwrap_or((&[0; 16], &[]));
+            i128::from_le_bytes(*wide) << (128 - 8 * width) >> (128 - 8 * width)
         };
-        Ok(self.items(length, width)?.map(unpack).collect())
+        Ok((0..length).map(unpack).collect())
     }
 
     /// Nothing may be left.

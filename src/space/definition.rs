@@ -37,7 +37,7 @@ impl fmt::Display for Metric {
 
 /// What a space makes of features.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "lowercase")]
+#[serde(rename_all = "lowercase")]
 pub enum Kind {
     /// The paper's histogram: sums per window, `moment * 255^cells`; L1. Of degree roots or pools: themselves.
     Histogram,
@@ -63,7 +63,6 @@ pub struct Definition {
     /// The features.
     pub recipe: Recipe,
     /// What is made of them.
-    #[serde(flatten)]
     pub kind: Kind,
 }
 

@@ -355,7 +355,7 @@ impl Map {
     /// The variance of each coordinate, of features with this covariance.
     fn variances(&self, covariance: &Matrix) -> Vec<f64> {
         match self {
-            Self::Histogram { .. } => (0..covariance.rows()).map(|at| covariance[(at, at)]).collect(),
+            Self::Histogram { .. } => vec![0.0; covariance.rows()],
             Self::Scaled { scale, .. } => {
                 scale.iter().enumerate().map(|(at, scale)| covariance[(at, at)] * scale * scale).collect()
             }
@@ -373,6 +373,11 @@ impl Map {
 impl Origin {
     fn of(map: &Map, statistics: &Statistics) -> Self {
         match map {
+            // Nothing is fitted, and so nothing drifts.
+            Map::Histogram { .. } => {
+                let zeros = vec![0.0; statistics.recipe().dims()];
+                Self { count: statistics.count(), mean: zeros.clone(), variances: zeros }
+            }
             // Before there are textures, the prior stands for them.
             Map::Likeness(projection) if statistics.count() == 0 => {
                 Self { count: 0, mean: projection.mean.clone(), variances: projection.variances.clone() }

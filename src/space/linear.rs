@@ -147,12 +147,11 @@ struct Tridiagonal {
 impl Tridiagonal {
     fn of(mut a: Matrix) -> Self {
         let n = a.rows;
-        let mut beside = vec![0.0; n];
-        let mut reflections = Vec::with_capacity(n);
-        for k in 0..n.saturating_sub(1) {
+        let (mut beside, mut reflections) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        for k in 0..n {
             let (reflection, length) = Reflection::of(&a.row(k)[k + 1..]);
-            beside[k] = length;
             reflection.apply_to_both_sides(&mut a, k + 1..n);
+            beside.push(length);
             reflections.push(reflection);
         }
         let diagonal = (0..n).map(|k| a[(k, k)]).collect();

@@ -10,6 +10,7 @@ mod real;
 mod kernels;
 mod reference_sums;
 mod store;
+mod space;
 mod support;
 mod views;
 mod volume_formats;

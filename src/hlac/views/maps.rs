@@ -69,26 +69,26 @@ pub(super) fn rank(voxels: &[u8]) -> Vec<u8> {
     look_up(voxels, &table)
 }
 
-/// The rounded means of blocks of `side` (2 or 4) voxels; what is left over at the far borders is dropped.
-pub(super) fn block_average(shape: Shape, voxels: &[u8], side: usize) -> Vec<u8> {
-    let [depth, height, width] = shape.map(|length| length / side);
+/// The rounded means of blocks of `SIDE` (2 or 4) voxels; what is left over at the far borders is dropped.
+pub(super) fn block_average<const SIDE: usize>(shape: Shape, voxels: &[u8]) -> Vec<u8> {
+    let [depth, height, width] = shape.map(|length| length / SIDE);
     let mut averages = Vec::with_capacity(depth * height * width);
     // Columns first (16 values of 255 fit a u16 easily), so that the long loop runs over neighbours.
-    let mut columns = vec![0_u16; width * side];
-    let volume = side.pow(3) as u16;
+    let mut columns = vec![0_u16; width * SIDE];
+    let volume = SIDE.pow(3) as u16;
     for z in 0..depth {
         for y in 0..height {
             columns.fill(0);
-            for dz in 0..side {
-                for dy in 0..side {
-                    let start = ((z * side + dz) * shape[1] + y * side + dy) * shape[2];
-                    for (sum, &voxel) in columns.iter_mut().zip(&voxels[start..start + width * side]) {
+            for dz in 0..SIDE {
+                for dy in 0..SIDE {
+                    let start = ((z * SIDE + dz) * shape[1] + y * SIDE + dy) * shape[2];
+                    for (sum, &voxel) in columns.iter_mut().zip(&voxels[start..start + width * SIDE]) {
                         *sum += u16::from(voxel);
                     }
                 }
             }
-            let blocks = columns.chunks_exact(side);
-            averages.extend(blocks.map(|block| ((block.iter().sum::<u16>() + volume / 2) / volume) as u8));
+            let (blocks, _) = columns.as_chunks::<SIDE>();
+            averages.extend(blocks.iter().map(|block| ((block.iter().sum::<u16>() + volume / 2) / volume) as u8));
         }
     }
     averages
@@ -96,13 +96,10 @@ pub(super) fn block_average(shape: Shape, voxels: &[u8], side: usize) -> Vec<u8>
 
 /// For each voxel, `27 v` minus the sum over its 3x3x3 neighbourhood, borders replicated.
 ///
-/// The difference is at most 26 * 255 = 6630 either way, and the sums 6885: both fit an `i16`.
+/// A difference is at most 26 * 255 = 6630 either way, a sum 27 * 255 = 6885: both fit an `i16`.
 pub(super) struct Contrast {
     differences: Vec<i16>,
 }
-
-/// The largest possible difference.
-const MAX_DIFFERENCE: i16 = 26 * 255;
 
 impl Contrast {
     pub(super) fn of(shape: Shape, voxels: &[u8]) -> Self {
@@ -129,37 +126,39 @@ impl Contrast {
         Self { differences }
     }
 
-    /// The differences, X fastest.
-    pub(super) fn differences(&self) -> &[i16] {
-        &self.differences
-    }
-
     /// `sign`: 255 where the difference is positive, else 0.
-    pub(super) fn signs(&self) -> impl Iterator<Item = u8> {
-        self.differences.iter().map(|&d| if d > 0 { 255 } else { 0 })
+    pub(super) fn signs(&self) -> Vec<u8> {
+        self.differences.iter().map(|&d| if d > 0 { 255 } else { 0 }).collect()
     }
 
     /// `detail`: 128 + 42 differences in units of their standard deviation, rounded half away from zero, clamped.
     pub(super) fn detail(&self) -> Vec<u8> {
+        /// A power of two above all differences, so that a masked index needs no check.
+        const ENTRIES: usize = 1 << 14;
         let deviation = self.deviation();
         if deviation == 0.0 {
             return vec![128; self.differences.len()];
         }
+        let low = self.differences.iter().fold(0, |low, &d| d.min(low));
+        let high = self.differences.iter().fold(0, |high, &d| d.max(high));
         // Adding a half and truncating rounds what is positive half away from zero; the rest is clamped to 0 anyway.
         let map = |d: i16| ((128.0 + 42.0 * f64::from(d) / deviation + 0.5) as i32).clamp(0, 255) as u8;
-        let table: Vec<u8> = (-MAX_DIFFERENCE..=MAX_DIFFERENCE).map(map).collect();
-        let entry = |&d: &i16| table.get((d + MAX_DIFFERENCE) as usize).copied().unwrap_or(128);
-        self.differences.iter().map(entry).collect()
+        let mut table = [0; ENTRIES];
+        table.iter_mut().zip(low..=high).for_each(|(entry, d)| *entry = map(d));
+        self.differences.iter().map(|&d| table[(d - low) as usize % ENTRIES]).collect()
     }
 
     /// The standard deviation of the differences, from their exact sums.
     fn deviation(&self) -> f64 {
         let (mut sum, mut squares) = (0_i64, 0_u64);
-        // 64 squares of at most 6630 stay below 2^32.
-        for part in self.differences.chunks(64) {
+        let mut count = |part: &[i16]| {
+            // 64 squares of at most 6630 stay below 2^32.
             sum += i64::from(part.iter().map(|&d| i32::from(d)).sum::<i32>());
             squares += u64::from(part.iter().map(|&d| (i32::from(d) * i32::from(d)) as u32).sum::<u32>());
-        }
+        };
+        let (parts, rest) = self.differences.as_chunks::<64>();
+        parts.iter().for_each(|part| count(part));
+        count(rest);
         let n = self.differences.len() as f64;
         let mean = sum as f64 / n;
         (squares as f64 / n - mean * mean).max(0.0).sqrt()
@@ -172,8 +171,9 @@ fn plane_sums([height, width]: [usize; 2], voxels: &[u8], rows: &mut [i16], sums
         let value = |x: usize| i16::from(row[x]);
         out[0] = 2 * value(0) + value(1);
         out[width - 1] = value(width - 2) + 2 * value(width - 1);
-        for (sum, near) in out[1..width - 1].iter_mut().zip(row.windows(3)) {
-            *sum = i16::from(near[0]) + i16::from(near[1]) + i16::from(near[2]);
+        let near = row.iter().zip(&row[1..]).zip(&row[2..]);
+        for (sum, ((&a, &b), &c)) in out[1..].iter_mut().zip(near) {
+            *sum = i16::from(a) + i16::from(b) + i16::from(c);
         }
     }
     for y in 0..height {

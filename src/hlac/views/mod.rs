@@ -19,7 +19,6 @@
 //!
 //! Names and codes are stored: they are frozen.
 
-mod bits;
 mod maps;
 
 use std::borrow::Cow;
@@ -228,7 +227,7 @@ pub fn render(volume: &Volume, view: View) -> Option<Volume> {
     let voxels = match view {
         View::Full => grey.voxels().to_vec(),
         View::Stretch(scale) => copies.stretch(scale)?.to_vec(),
-        View::Sign(scale) => copies.contrast(scale)?.signs().collect(),
+        View::Sign(scale) => copies.contrast(scale)?.signs(),
         View::Detail => copies.contrast(Scale::One)?.detail(),
         View::Rank(scale) => copies.rank(scale)?,
     };
@@ -275,12 +274,11 @@ impl<'a> Copies<'a> {
         let at = scale as usize;
         if self.stretch[at].is_none() {
             let shape = self.grey.shape();
+            scale.of(shape)?;
             let made = match scale {
                 Scale::One => maps::stretch(self.grey.voxels()),
-                _ => {
-                    scale.of(shape)?;
-                    Cow::Owned(maps::block_average(shape, self.stretch(Scale::One)?, scale.side()))
-                }
+                Scale::Two => Cow::Owned(maps::block_average::<2>(shape, self.stretch(Scale::One)?)),
+                Scale::Four => Cow::Owned(maps::block_average::<4>(shape, self.stretch(Scale::One)?)),
             };
             self.stretch[at] = Some(made);
         }
@@ -309,7 +307,7 @@ impl<'a> Copies<'a> {
         let shape = view.shape_of(self.grey.shape())?;
         Some(match view {
             View::Full => kernel::octants(shape, self.grey.voxels()),
-            View::Sign(scale) => bits::octants(shape, self.contrast(scale)?.differences()),
+            View::Sign(scale) => kernel::octants_binary(shape, &self.contrast(scale)?.signs()),
             View::Stretch(scale) => kernel::octants(shape, self.stretch(scale)?),
             View::Detail => kernel::octants(shape, &self.contrast(Scale::One)?.detail()),
             View::Rank(scale) => kernel::octants(shape, &self.rank(scale)?),

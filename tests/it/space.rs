@@ -1,0 +1,97 @@
+//! Spaces over what other rooms make: synthetic families, their copies under nuisances, and real moments.
+
+use std::fs::File;
+
+use hlacdb::hlac::{self, MASK_COUNT, View};
+use hlacdb::space::{Contribution, Definition, Features, Prior, Recipe, Space, Statistics};
+use hlacdb::synth::{self, Nuisance};
+use hlacdb::volume::Volume;
+
+use crate::support::shared;
+
+fn features(recipe: &Recipe, volume: &Volume) -> Features {
+    let described = hlac::describe(volume, recipe.views());
+    let moments: Vec<_> = described.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect();
+    recipe.features(|view| moments.iter().find(|(other, _)| *other == view).map(|(_, moments)| moments)).unwrap()
+}
+
+/// The default space of a store without textures: the prior's.
+fn default_space() -> Space {
+    let definition = Definition::built_in("default").unwrap();
+    Space::fit(&definition, &Statistics::new(&definition.recipe), None, &Prior::shipped()).unwrap()
+}
+
+fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum()
+}
+
+#[test]
+fn a_turned_brighter_noisier_copy_finds_its_family_first() {
+    let groups = ["marble", "wood", "granite", "perlin", "ridged", "agate"]
+        .map(|family| format!("[[group]]\nfamily = \"{family}\"\ncount = 3\n"));
+    let recipe = format!("name = \"few\"\nseed = 5\nsize = 32\n{}", groups.concat());
+    let specimens = synth::Recipe::parse(&recipe).unwrap().specimens();
+    let space = default_space();
+    let volumes: Vec<Volume> = specimens.iter().map(synth::Specimen::volume).collect();
+    let point = |volume: &Volume| space.point(&features(space.recipe(), volume)).unwrap();
+    let store: Vec<Vec<f32>> = volumes.iter().map(point).collect();
+    let mut found = 0;
+    for (at, volume) in volumes.iter().enumerate() {
+        let query = point(&Nuisance::ALL.draw(at as u64).apply(volume));
+        let distance = |other: &usize| squared_distance(&query, &store[*other]);
+        let nearest = (0..store.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
+        found += usize::from(specimens[nearest].tags["family"] == specimens[at].tags["family"]);
+    }
+    assert!(found >= 17, "{found} of {}", volumes.len());
+}
+
+#[test]
+fn turns_leave_the_default_point_nearly_where_it_was() {
+    let recipe = "name = \"one\"\nseed = 5\nsize = 32\n[[group]]\nfamily = \"wood\"\ncount = 2\n";
+    let specimens = synth::Recipe::parse(recipe).unwrap().specimens();
+    let [texture, other] = [0, 1].map(|at: usize| specimens[at].volume());
+    let turned = "rotation".parse::<Nuisance>().unwrap().draw(2).apply(&texture);
+    assert_ne!(turned, texture);
+    let space = default_space();
+    let [a, b, c] = [&texture, &turned, &other].map(|volume| space.point(&features(space.recipe(), volume)).unwrap());
+    assert!(squared_distance(&a, &b) < 1e-3 * squared_distance(&a, &c));
+    let explained = space.explain(&features(space.recipe(), &texture), &features(space.recipe(), &other)).unwrap();
+    assert!((explained.total / squared_distance(&a, &c) - 1.0).abs() < 1e-4);
+}
+
+#[test]
+fn small_textures_have_points_too() {
+    let space = default_space();
+    for side in [3, 4, 7, 8, 15] {
+        let volume = Volume::from_fn([side; 3], |z, y, x| (z * 50 + y * 20 + x * 7) as u8).unwrap();
+        let features = features(space.recipe(), &volume);
+        assert_eq!(features.is_complete(), side >= 16);
+        let point = space.point(&features).unwrap();
+        assert!((squared_distance(&point, &[0.0; 32]) - 1.0).abs() < 1e-6, "{side}");
+    }
+}
+
+#[test]
+fn real_moments_have_the_statistics_of_the_textbook() {
+    let Some(path) = shared("moments_20k.npy") else { return };
+    let array = npyz::NpyFile::new(File::open(path).unwrap()).unwrap();
+    let rows: Vec<f32> = array.data::<f32>().unwrap().take(1500 * MASK_COUNT).map(Result::unwrap).collect();
+    let (rows, _) = rows.as_chunks::<MASK_COUNT>();
+    let recipe = Recipe::plain();
+    let mut statistics = Statistics::new(&recipe);
+    for row in rows {
+        statistics.add(&Contribution::of_moments(&recipe, |_| Some(row)).unwrap().unwrap()).unwrap();
+    }
+    let n = rows.len() as f64;
+    for feature in [0, 1, 13, 14, 250] {
+        let values = || rows.iter().map(|row| f64::from(row[feature]));
+        let mean = values().sum::<f64>() / n;
+        let deviation = (values().map(|value| (value - mean).powi(2)).sum::<f64>() / n).sqrt();
+        assert!((statistics.mean()[feature] - mean).abs() < 1e-12);
+        assert!((statistics.deviation()[feature] - deviation).abs() < 1e-9);
+    }
+    let definition = Definition::built_in("zscore").unwrap();
+    let space = Space::fit(&definition, &statistics, None, &Prior::none()).unwrap();
+    let points = space.points(rows.len(), |row, view| (view == View::Full).then(|| &rows[row])).unwrap();
+    assert!(points.iter().all(|coordinate| coordinate.is_finite()));
+}
