@@ -12,6 +12,7 @@ mod reference_sums;
 mod store;
 mod space;
 mod support;
+mod synth;
 mod views;
 mod volume_formats;
 mod volume_pictures;

@@ -29,9 +29,10 @@ fn strew(brush: &mut Brush, radius: [f32; 2], share: f32) -> Vec<Ball> {
 /// tiling, so that balls at a border go on at the opposite one.
 fn stamp(field: &mut Field, middle: [f32; 3], reach: f32, mut paint: impl FnMut(f32, &mut f32)) {
     let shape = field.shape();
-    // At most one turn around each axis: no voxel is met twice.
+    // At most half a turn to either side: no voxel is met twice, and each is met where it is nearest.
     let span = |axis: usize| {
-        let low = (middle[axis] - reach).ceil() as i64;
+        let side = shape[axis] as f32;
+        let low = (middle[axis] - reach.min(0.5 * side)).ceil() as i64;
         let high = (middle[axis] + reach).floor() as i64;
         low..=high.min(low + shape[axis] as i64 - 1)
     };
