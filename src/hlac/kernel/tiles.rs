@@ -40,8 +40,8 @@ macro_rules! passes {
                     let mut squares = [V::zero(); TILE.pairs.len()];
                     if FOLD {
                         $($(if fold!($how) {
-                            sums[const { TILE.slot(stringify!($third), stringify!($with)) }] =
-                                block.third_products(const { cell(stringify!($third)) });
+                            sums[constant!(usize: TILE.slot(stringify!($third), stringify!($with)))] =
+                                block.third_products(constant!(usize: cell(stringify!($third))));
                         })+)+
                     }
                     if FOLD {
@@ -49,16 +49,16 @@ macro_rules! passes {
                             let next = row.next();
                             let (mut even, mut odd) = ([V::zero(); TILE.pairs.len()], [V::zero(); TILE.pairs.len()]);
                             $(
-                                even[const { TILE.pair(stringify!($pair)) }] = row.pair(const { cells(stringify!($pair)) });
-                                odd[const { TILE.pair(stringify!($pair)) }] = next.pair(const { cells(stringify!($pair)) });
+                                even[constant!(usize: TILE.pair(stringify!($pair)))] = row.pair(constant!([usize; 2]: cells(stringify!($pair))));
+                                odd[constant!(usize: TILE.pair(stringify!($pair)))] = next.pair(constant!([usize; 2]: cells(stringify!($pair))));
                             )+
                             $({
-                                let third = row.third(const { cell(stringify!($third)) });
-                                let other = next.third(const { cell(stringify!($third)) });
+                                let third = row.third(constant!(usize: cell(stringify!($third))));
+                                let other = next.third(constant!(usize: cell(stringify!($third))));
                                 $({
-                                    let sum = &mut sums[const { TILE.slot(stringify!($third), stringify!($with)) }];
-                                    let even = even[const { TILE.pair(stringify!($with)) }];
-                                    let odd = odd[const { TILE.pair(stringify!($with)) }];
+                                    let sum = &mut sums[constant!(usize: TILE.slot(stringify!($third), stringify!($with)))];
+                                    let even = even[constant!(usize: TILE.pair(stringify!($with)))];
+                                    let odd = odd[constant!(usize: TILE.pair(stringify!($with)))];
                                     *sum = if fold!($how) {
                                         sum.multiply_add(even.add_words(other), odd.add_words(third))
                                     } else {
@@ -66,7 +66,7 @@ macro_rules! passes {
                                     };
                                 })+
                             })+
-                            $(if const { TILE.folds(stringify!($pair)) } {
+                            $(if constant!(bool: TILE.folds(stringify!($pair))) {
                                 const PAIR: usize = TILE.pair(stringify!($pair));
                                 squares[PAIR] = squares[PAIR].multiply_add(even[PAIR], odd[PAIR]);
                             })+
@@ -75,20 +75,20 @@ macro_rules! passes {
                     for row in block.singles() {
                         let mut pairs = [V::zero(); TILE.pairs.len()];
                         $(
-                            pairs[const { TILE.pair(stringify!($pair)) }] = row.pair(const { cells(stringify!($pair)) });
+                            pairs[constant!(usize: TILE.pair(stringify!($pair)))] = row.pair(constant!([usize; 2]: cells(stringify!($pair))));
                         )+
                         $({
-                            let third = row.third(const { cell(stringify!($third)) });
+                            let third = row.third(constant!(usize: cell(stringify!($third))));
                             $({
-                                let sum = &mut sums[const { TILE.slot(stringify!($third), stringify!($with)) }];
-                                *sum = sum.multiply_add(pairs[const { TILE.pair(stringify!($with)) }], third);
+                                let sum = &mut sums[constant!(usize: TILE.slot(stringify!($third), stringify!($with)))];
+                                *sum = sum.multiply_add(pairs[constant!(usize: TILE.pair(stringify!($with)))], third);
                             })+
                         })+
                     }
                     $($({
                         const SLOT: usize = TILE.slot(stringify!($third), stringify!($with));
                         let sum = if FOLD && fold!($how) {
-                            sums[SLOT].subtract(squares[const { TILE.pair(stringify!($with)) }])
+                            sums[SLOT].subtract(squares[constant!(usize: TILE.pair(stringify!($with)))])
                         } else {
                             sums[SLOT]
                         };
@@ -100,10 +100,18 @@ macro_rules! passes {
     };
 }
 
+/// A value that is computed while compiling. (An item by itself; `const { }` blocks make the compiler take a minute.)
+macro_rules! constant {
+    ($type:ty: $value:expr) => {{
+        const VALUE: $type = $value;
+        VALUE
+    }};
+}
+
 /// Whether a term's word says that it is folded.
 macro_rules! fold {
     ($how:ident) => {
-        const { equal(stringify!($how), "fold") }
+        constant!(bool: equal(stringify!($how), "fold"))
     };
 }
 
