@@ -5,7 +5,7 @@
 //!
 //! # How
 //! The sum of a mask `{a, b, c}` is the sum of (product of the *pair* a, b) times (the *third* c). 237 + 13 masks share
-//! some 40 pairs; [`plan`] says which pair serves which masks, in *tiles* whose sums fit the registers. Products
+//! some 40 pairs; `plan.rs` says which pair serves which masks, in *tiles* whose sums fit the registers. Products
 //! of pairs are 16 bits wide; less 32 768 they are signed words, multiplied with the third and added in pairs to
 //! 32-bit lanes by one instruction; what was taken away is 32 768 times the sum of the thirds, which costs next to
 //! nothing. 128 rows fit a 32-bit lane whatever the voxels are; then it is added to 64-bit lanes, which never overflow.
@@ -137,7 +137,7 @@ impl Kernel {
             // SAFETY: as above.
             Self::Avx512VnniFolded => unsafe { avx512::vnni_folded(slab) },
             // SAFETY: plain Rust runs everywhere.
-            _ => unsafe { body::sums::<lanes::Portable, tiles::Wide, true>(slab) },
+            _ => unsafe { body::sums::<lanes::Portable<4>, tiles::Wide, true>(slab) },
         }
     }
 }
