@@ -18,10 +18,10 @@
 //! value fits. It pays where additions have ports of their own: AMD's CPUs add four vectors while they multiply two.
 //!
 //! # What was tried, on a Zen 4 (3.69 GHz; all with octants, 64^3)
-//! - Won: folding 3 of 4 products, 0.75 to 0.59 ms: all of them would bind the adders, none the multipliers.
+//! - Won: folding 3 of 4 products, 0.68 to 0.59 ms: all of them would bind the adders, none the multipliers.
 //! - Won: `vpdpwssd` by assembly that keeps its place in the program: LLVM then spills no sums; 0.69 to 0.60 ms.
 //! - Won: 64-bit totals of neighbouring lanes in place of upper and lower halves: half the stores, no drains to come.
-//! - Won: 15 tiles of 17 sums rather than 13 of 20: more multiplications of pairs, but hardly a spill.
+//! - Won: 16 tiles of 16 sums rather than 13 of 19: more multiplications of pairs, but hardly a spill; 0.61 to 0.59 ms.
 //! - Lost: blocks that fit the first-level cache (20 KB for 38): 0.61 ms; twice the flushes cost more than L2.
 //! - Lost on paper: sharing a pair's product among its anchors. It saves 3 % of the multiplications at most, and its
 //!   rows and lanes would need masks; Karatsuba over rows (3 products for 4) needs 17-bit sums of pairs.
@@ -47,6 +47,7 @@ mod plan;
 pub mod scalar;
 mod slab;
 mod tiles;
+pub(super) mod windows;
 
 pub(super) use slab::Slab;
 
@@ -196,7 +197,7 @@ pub fn available() -> impl Iterator<Item = Kernel> {
 }
 
 /// The octant sums of a grey volume of `shape`, by the active kernel; volumes of 0 and 255 only go the way of
-/// [`octants_binary`] by themselves, about eight times as fast.
+/// [`octants_binary`] by themselves, half again as fast.
 ///
 /// # Panics
 /// Where a side is under 3 or `voxels` is not as long as the shape says.
