@@ -223,6 +223,7 @@ macro_rules! wide {
 }
 pub(super) use wide;
 
+#[cfg(any(test, target_arch = "x86_64"))]
 macro_rules! narrow {
     ($with:ident) => {
         $with! {
@@ -321,4 +322,5 @@ macro_rules! narrow {
         }
     };
 }
+#[cfg(any(test, target_arch = "x86_64"))]
 pub(super) use narrow;

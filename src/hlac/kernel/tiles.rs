@@ -5,7 +5,9 @@
 
 use super::block::Block;
 use super::lanes::Lanes;
-use super::plan::{Term, Tile, cell, cells, equal, narrow, table, wide};
+#[cfg(any(test, target_arch = "x86_64"))]
+use super::plan::narrow;
+use super::plan::{Term, Tile, cell, cells, equal, table, wide};
 
 /// A plan and its loops.
 pub(super) trait Plan {
@@ -154,8 +156,10 @@ impl Plan for Wide {
 }
 
 /// For CPUs with 16 registers.
+#[cfg(any(test, target_arch = "x86_64"))]
 pub(super) struct Narrow;
 
+#[cfg(any(test, target_arch = "x86_64"))]
 impl Plan for Narrow {
     const TILES: &'static [Tile] = narrow!(table);
 
