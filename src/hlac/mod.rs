@@ -2,7 +2,9 @@
 //!
 //! Vocabulary: a *mask* is one of the 251 cell patterns ([`masks`]); a *window* is one placement of the 3x3x3 cube
 //! wholly inside the volume; *sums* are, for each mask, the exact sum over all windows of the product of the
-//! intensities at its cells; *octants* are the eight halves-by-halves-by-halves of the windows.
+//! intensities at its cells; *octants* are the eight halves-by-halves-by-halves of the windows. With a *spacing* the cells of
+//! a window lie 2 or 4 voxels apart; in a *region* a window counts for the masks whose cells all lie in it
+//! ([`Extraction`]). A volume that does not fit the memory is taken plane by plane ([`SlabExtractor`]).
 //!
 //! Imports only [`crate::volume`]. Exact means exact: every kernel gives the same bits.
 

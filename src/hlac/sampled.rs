@@ -1,12 +1,14 @@
 //! The paper's own way: the sums over windows at random places.
 //!
-//! For fidelity only. A random window costs as much as several dense ones: the exact sums of *all* windows are cheaper
-//! than about 30 000 random ones.
+//! For fidelity only. A random window costs 35 times a dense one (85 ns for 2.5 on a Zen 4: its cells lie apart, and it
+//! shares no product with a neighbour), so that the exact sums of all windows of a 64^3 volume are cheaper from about 7 000
+//! random windows on, of a 256^3 volume from about 500 000.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-use super::{MASKS, Sums};
+use super::Sums;
+use super::kernel::windows::{self, Cells, WINDOWS};
 use crate::volume::Volume;
 
 /// The sums over `windows` windows drawn independently and uniformly (so some may come twice), by ChaCha8 from `seed`.
@@ -18,22 +20,24 @@ pub fn extract_sampled(volume: &Volume, windows: u64, seed: u64) -> Sums {
     let (shape, voxels) = (grey.shape(), grey.voxels());
     let strides = [shape[1] * shape[2], shape[2], 1];
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut sums = Sums::ZERO;
-    for _ in 0..windows {
-        let mut start = 0;
-        for (side, stride) in shape.iter().zip(strides) {
-            let draw = (u128::from(rng.next_u64()) * (side - 2) as u128) >> 64;
-            start += draw as usize * stride;
+    let mut sums = Sums { windows, ..Sums::ZERO };
+    let mut left = windows;
+    while left > 0 {
+        // Lanes without a window keep 0 in every cell, which adds nothing to any sum.
+        let mut cells: Cells = [[0; WINDOWS]; 27];
+        let count = left.min(WINDOWS as u64);
+        for window in 0..count as usize {
+            let mut start = 0;
+            for (side, stride) in shape.iter().zip(strides) {
+                let draw = (u128::from(rng.next_u64()) * (side - 2) as u128) >> 64;
+                start += draw as usize * stride;
+            }
+            for (index, cell) in cells.iter_mut().enumerate() {
+                cell[window] = voxels[start + index / 9 * strides[0] + index / 3 % 3 * strides[1] + index % 3];
+            }
         }
-        let mut cells = [0_u64; 27];
-        for (index, cell) in cells.iter_mut().enumerate() {
-            let at = start + index / 9 * strides[0] + index / 3 % 3 * strides[1] + index % 3;
-            *cell = u64::from(voxels[at]);
-        }
-        sums.windows += 1;
-        for (value, mask) in sums.values.iter_mut().zip(&MASKS) {
-            *value += mask.cells().iter().map(|&cell| cells[usize::from(cell)]).product::<u64>();
-        }
+        windows::add(&cells, &mut sums.values);
+        left -= count;
     }
     sums
 }

@@ -18,7 +18,7 @@ pub(super) fn is_binary(voxels: &[u8]) -> bool {
 pub(super) fn sums(slab: &Slab<'_>) -> OctantSums {
     #[cfg(target_arch = "x86_64")]
     {
-        if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vpopcntdq") {
+        if is_x86_feature_detected!("avx512vl") && is_x86_feature_detected!("avx512vpopcntdq") {
             // SAFETY: the CPU was just found to have the instructions.
             return unsafe { sums_avx512(slab) };
         }
@@ -31,7 +31,7 @@ pub(super) fn sums(slab: &Slab<'_>) -> OctantSums {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vpopcntdq")]
+#[target_feature(enable = "avx512f,avx512vl,avx512vpopcntdq")]
 fn sums_avx512(slab: &Slab<'_>) -> OctantSums {
     count(slab)
 }
@@ -42,41 +42,35 @@ fn sums_avx2(slab: &Slab<'_>) -> OctantSums {
     count(slab)
 }
 
-/// The occupied cells of a slab as bits: for each cell of x = 0, 1 and 2 one array over planes, rows and words, where bit `i`
-/// of word `j` belongs to window `32 j + i` of the columns.
+/// The occupied cells of some rows and columns of windows, as bits: for each (y, x) of a cell one array over the planes of the
+/// slab, the rows and words of 32 columns. The windows of successive planes follow one another, so that loops are long.
 struct Bits {
-    cells: [Vec<u32>; 3],
-    rows: usize,
-    words: usize,
+    cells: [Vec<u32>; 9],
+    /// The words of a plane.
+    plane: usize,
 }
 
 impl Bits {
+    /// `columns` holds, for each x of a cell, the words of every row of the slab.
     #[inline(always)]
-    fn new(slab: &Slab<'_>, columns: &Range<usize>) -> Self {
-        let [_, rows, row] = slab.shape;
-        let words = columns.len().div_ceil(32);
-        let mut cells = [const { Vec::new() }; 3];
-        let mut occupied = vec![0_u64; row.div_ceil(64) + 1];
-        for voxels in slab.voxels.chunks_exact(row) {
-            occupy(voxels, &mut occupied);
-            for (x, cells) in cells.iter_mut().enumerate() {
-                let from = columns.start + slab.spacing * x;
-                cells.extend((0..words).map(|word| {
-                    let bits = field(&occupied, from + 32 * word);
-                    let left = columns.len() - 32 * word;
-                    if left < 32 { bits & ((1 << left) - 1) } else { bits }
-                }));
+    fn new(columns: &[Vec<u32>; 3], slab: &Slab<'_>, rows: &Range<usize>) -> Self {
+        let lines = slab.voxels.len() / slab.shape[2];
+        let words = columns[0].len() / lines;
+        let mut cells = [const { Vec::new() }; 9];
+        for (cell, bits) in cells.iter_mut().enumerate() {
+            let y = slab.spacing * (cell / 3);
+            for plane in columns[cell % 3].chunks_exact(slab.shape[1] * words) {
+                bits.extend_from_slice(&plane[(rows.start + y) * words..(rows.end + y) * words]);
             }
         }
-        Self { cells, rows, words }
+        Self { cells, plane: rows.len() * words }
     }
 
-    /// The words of a cell, over the windows of `rows` in the plane `z` of the slab.
+    /// The words of a cell over the windows of `planes`, counted from the slab's first.
     #[inline(always)]
-    fn cell(&self, cell: u8, z: usize, rows: &Range<usize>, spacing: usize) -> &[u32] {
-        let [dz, dy, dx] = [cell / 9, cell / 3 % 3, cell % 3].map(usize::from);
-        let plane = (z + spacing * dz) * self.rows + spacing * dy;
-        &self.cells[dx][(plane + rows.start) * self.words..(plane + rows.end) * self.words]
+    fn cell(&self, cell: u8, planes: &Range<usize>, spacing: usize) -> &[u32] {
+        let (z, cell) = (spacing * usize::from(cell / 9), usize::from(cell % 9));
+        &self.cells[cell][(planes.start + z) * self.plane..(planes.end + z) * self.plane]
     }
 }
 
@@ -97,6 +91,21 @@ fn occupy(voxels: &[u8], bits: &mut [u64]) {
     }
 }
 
+/// The bits `from .. from + length` of each row, as words of 32.
+#[inline(always)]
+fn shifted(occupied: &[u64], stride: usize, from: usize, length: usize) -> Vec<u32> {
+    let words = length.div_ceil(32);
+    let last = if length.is_multiple_of(32) { u32::MAX } else { (1 << (length % 32)) - 1 };
+    let mut shifted = Vec::with_capacity(occupied.len() / stride * words);
+    for row in occupied.chunks_exact(stride) {
+        for word in 0..words {
+            let valid = if word + 1 == words { last } else { u32::MAX };
+            shifted.push(field(row, from + 32 * word) & valid);
+        }
+    }
+    shifted
+}
+
 /// The 32 bits from `at` on.
 #[inline(always)]
 fn field(bits: &[u64], at: usize) -> u32 {
@@ -108,19 +117,31 @@ fn field(bits: &[u64], at: usize) -> u32 {
 #[inline(always)]
 fn count(slab: &Slab<'_>) -> OctantSums {
     let mut octants = OctantSums::zero();
-    let [planes, rows, columns] = slab.grid();
+    let grid = slab.grid();
     let halves = |length: usize| [0..length / 2, length / 2..length];
-    for (side, columns) in halves(columns).into_iter().enumerate() {
-        let bits = Bits::new(slab, &columns);
-        for z in slab.windows.clone() {
-            let upper = usize::from(z >= planes / 2);
-            for (half, rows) in halves(rows).into_iter().enumerate() {
-                let sums = &mut octants.0[4 * upper + 2 * half + side];
-                sums.windows += (rows.len() * columns.len()) as u64;
-                let cell = |cell: u8| bits.cell(cell, z - slab.windows.start, &rows, slab.spacing);
-                for (value, mask) in sums.values.iter_mut().zip(&MASKS) {
-                    *value += 255_u64.pow(mask.order() as u32) * hits(mask, cell);
-                }
+    let row = slab.shape[2];
+    let stride = row.div_ceil(64);
+    let mut occupied = vec![0; slab.voxels.len() / row * stride];
+    for (bits, voxels) in occupied.chunks_exact_mut(stride).zip(slab.voxels.chunks_exact(row)) {
+        occupy(voxels, bits);
+    }
+    for octant in 0..4 {
+        let (rows, columns) = (&halves(grid[1])[octant / 2], &halves(grid[2])[octant % 2]);
+        if rows.is_empty() || columns.is_empty() {
+            continue;
+        }
+        let cells = [0, 1, 2].map(|x| shifted(&occupied, stride, columns.start + slab.spacing * x, columns.len()));
+        let bits = Bits::new(&cells, slab, rows);
+        for (upper, planes) in halves(grid[0]).into_iter().enumerate() {
+            let planes = planes.start.max(slab.windows.start)..planes.end.min(slab.windows.end);
+            if planes.is_empty() {
+                continue;
+            }
+            let planes = planes.start - slab.windows.start..planes.end - slab.windows.start;
+            let sums = &mut octants.0[4 * upper + octant];
+            sums.windows += (planes.len() * rows.len() * columns.len()) as u64;
+            for (value, mask) in sums.values.iter_mut().zip(&MASKS) {
+                *value += 255_u64.pow(mask.order() as u32) * hits(mask, |cell| bits.cell(cell, &planes, slab.spacing));
             }
         }
     }
@@ -130,11 +151,23 @@ fn count(slab: &Slab<'_>) -> OctantSums {
 /// In how many windows all of a mask's cells are occupied.
 #[inline(always)]
 fn hits<'a>(mask: &Mask, cell: impl Fn(u8) -> &'a [u32]) -> u64 {
-    let ones = |word: u32| u64::from(word.count_ones());
     match *mask.cells() {
-        [a] => cell(a).iter().map(|&a| ones(a)).sum(),
-        [a, b] => cell(a).iter().zip(cell(b)).map(|(a, b)| ones(a & b)).sum(),
-        [a, b, c] => cell(a).iter().zip(cell(b)).zip(cell(c)).map(|((a, b), c)| ones(a & b & c)).sum(),
+        [a] => ones(cell(a), cell(a), cell(a)),
+        [a, b] => ones(cell(a), cell(b), cell(b)),
+        [a, b, c] => ones(cell(a), cell(b), cell(c)),
         _ => 0,
     }
+}
+
+/// How many bits all three have. Counted in 32 bits as long as they hold, which is what makes wide vectors.
+#[inline(always)]
+fn ones(a: &[u32], b: &[u32], c: &[u32]) -> u64 {
+    const LONG: usize = 1 << 20;
+    let parts = a.chunks(LONG).zip(b.chunks(LONG)).zip(c.chunks(LONG));
+    parts
+        .map(|((a, b), c)| {
+            let words = a.iter().zip(b).zip(c);
+            u64::from(words.map(|((a, b), c)| (a & b & c).count_ones()).sum::<u32>())
+        })
+        .sum()
 }

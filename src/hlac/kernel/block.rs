@@ -116,13 +116,24 @@ impl<V: Lanes> Row<V> {
     }
 }
 
+/// Rows of windows, plane after plane. One loop rather than two, so that its end is guessed wrong once.
 struct Steps<V> {
     row: Row<V>,
     left: usize,
+    left_in_plane: usize,
+    /// How many steps there are in a plane, and the words from one to the next and, more, to the next plane.
     in_plane: usize,
-    count: usize,
     step: usize,
     turn: usize,
+}
+
+impl<V: Lanes> Steps<V> {
+    #[inline(always)]
+    fn new(row: Row<V>, planes: usize, in_plane: usize, rows: usize) -> Self {
+        let step = rows * row_words::<V>();
+        let turn = plane_words::<V>() - in_plane * step;
+        Self { row, left: planes * in_plane, left_in_plane: in_plane, in_plane, step, turn }
+    }
 }
 
 impl<V: Lanes> Iterator for Steps<V> {
@@ -135,10 +146,12 @@ impl<V: Lanes> Iterator for Steps<V> {
         }
         let row = self.row;
         self.left -= 1;
-        self.in_plane -= 1;
-        let turn = if self.in_plane == 0 { self.turn } else { 0 };
-        self.in_plane = if self.in_plane == 0 { self.count } else { self.in_plane };
-        self.row.at = row.at.wrapping_add(self.step + turn);
+        self.left_in_plane -= 1;
+        self.row.at = row.at.wrapping_add(self.step);
+        if self.left_in_plane == 0 {
+            self.left_in_plane = self.in_plane;
+            self.row.at = self.row.at.wrapping_add(self.turn);
+        }
         Some(row)
     }
 }
@@ -148,15 +161,15 @@ pub(super) struct Block<'a, V> {
     memory: &'a mut Memory,
     first: usize,
     /// The number of window planes.
-    pub(super) planes: usize,
-    /// In each plane, the rows that are taken two at a time, and then those that are taken one by one.
-    pub(super) row_pairs: usize,
-    pub(super) single_rows: usize,
+    planes: usize,
+    /// In each plane, how often two rows are taken at a time, and how many are then taken one by one.
+    row_pairs: usize,
+    single_rows: usize,
     lanes: PhantomData<V>,
 }
 
 impl<'a, V: Lanes> Block<'a, V> {
-    /// The block of `planes` window planes of `rows` rows from the packed plane `first`.
+    /// The block of `planes` window planes from the packed plane `first`, each of twice `row_pairs` and `single_rows` rows.
     pub(super) fn new(
         memory: &'a mut Memory,
         first: usize,
@@ -170,32 +183,16 @@ impl<'a, V: Lanes> Block<'a, V> {
 
     /// The rows that are taken two at a time, as the first of each two.
     #[inline(always)]
-    pub(super) fn pairs(&mut self) -> impl Iterator<Item = Row<V>> + use<V> {
-        let (row, planes, count) = (self.first_row(), self.planes, self.row_pairs);
-        Steps {
-            row,
-            left: planes * count,
-            in_plane: count,
-            count,
-            step: 2 * row_words::<V>(),
-            turn: plane_words::<V>() - 2 * count * row_words::<V>(),
-        }
+    pub(super) fn row_pairs(&mut self) -> impl Iterator<Item = Row<V>> + use<V> {
+        Steps::new(self.first_row(), self.planes, self.row_pairs, 2)
     }
 
     /// The rows that are taken one by one.
     #[inline(always)]
-    pub(super) fn singles(&mut self) -> impl Iterator<Item = Row<V>> + use<V> {
+    pub(super) fn single_rows(&mut self) -> impl Iterator<Item = Row<V>> + use<V> {
         let mut row = self.first_row();
         row.at = row.at.wrapping_add(2 * self.row_pairs * row_words::<V>());
-        let (planes, count) = (self.planes, self.single_rows);
-        Steps {
-            row,
-            left: planes * count,
-            in_plane: count,
-            count,
-            step: row_words::<V>(),
-            turn: plane_words::<V>() - count * row_words::<V>(),
-        }
+        Steps::new(row, self.planes, self.single_rows, 1)
     }
 
     #[inline(always)]

@@ -161,3 +161,26 @@ fn drain<V: Lanes, P: Plan>(memory: &mut Memory, lower: usize, octants: &mut Oct
     memory.third_sums.0.fill(0);
     memory.totals.0.fill(0);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::lanes::Portable;
+    use super::super::scalar;
+    use super::super::tiles::{Narrow, Wide};
+    use super::*;
+
+    /// What no kernel of this machine may run: products added as Arm adds them, and the narrow plan folded.
+    #[test]
+    fn other_ways_through_the_body_equal_the_reference() {
+        for (shape, spacing) in [([7, 9, 21], 1), ([13, 12, 45], 2), ([9, 10, 11], 4)] {
+            let voxels: Vec<u8> = (0..shape.iter().product::<usize>()).map(|i| (i * i % 509 / 2) as u8).collect();
+            let slab = Slab::whole(shape, spacing, &voxels);
+            let expected = scalar::slab(&slab);
+            // SAFETY: plain Rust runs everywhere.
+            unsafe {
+                assert_eq!(sums::<Portable<8>, Wide, false>(&slab), expected, "{shape:?}");
+                assert_eq!(sums::<Portable<4>, Narrow, true>(&slab), expected, "{shape:?}");
+            }
+        }
+    }
+}

@@ -48,12 +48,18 @@ pub(super) trait Lanes: Copy {
 /// The widest register, in words.
 pub(super) const MAX_WORDS: usize = 32;
 
-/// Eight words in plain Rust: runs everywhere, and is what the tests of the shared body run under Miri-like conditions.
+/// Eight words in plain Rust, for CPUs without a kernel of their own.
+///
+/// A `GROUP` of 4 adds neighbouring products, as x86 does; 8 adds those four apart, as Arm does, which lets tests run the
+/// body in that way too. Nothing is inlined: the loops of the plans would grow very long.
 #[derive(Clone, Copy)]
 #[repr(align(16))]
-pub(super) struct Portable([i16; Portable::WORDS]);
+pub(super) struct Portable<const GROUP: usize = 4>([i16; WORDS]);
 
-impl Portable {
+/// The words of a portable register.
+const WORDS: usize = 8;
+
+impl<const GROUP: usize> Portable<GROUP> {
     #[inline(always)]
     fn words(self, other: Self, f: impl Fn(i16, i16) -> i16) -> Self {
         Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
@@ -61,10 +67,9 @@ impl Portable {
 
     #[inline(always)]
     fn integers(self, f: impl Fn(usize, i32) -> i32) -> Self {
-        let mut words = [0; Self::WORDS];
-        for lane in 0..Self::WORDS / 2 {
-            let value = i32::from(self.0[2 * lane + 1]) << 16 | i32::from(self.0[2 * lane] as u16);
-            let value = f(lane, value);
+        let mut words = [0; WORDS];
+        for lane in 0..WORDS / 2 {
+            let value = f(lane, self.integer(lane));
             words[2 * lane] = value as i16;
             words[2 * lane + 1] = (value >> 16) as i16;
         }
@@ -77,17 +82,17 @@ impl Portable {
     }
 }
 
-impl Lanes for Portable {
-    const WORDS: usize = 8;
-    const GROUP: usize = 4;
+impl<const GROUP: usize> Lanes for Portable<GROUP> {
+    const WORDS: usize = WORDS;
+    const GROUP: usize = GROUP;
 
     #[inline(never)]
     unsafe fn zero() -> Self {
-        Self([0; Self::WORDS])
+        Self([0; WORDS])
     }
     #[inline(never)]
     unsafe fn splat(word: i16) -> Self {
-        Self([word; Self::WORDS])
+        Self([word; WORDS])
     }
     #[inline(never)]
     unsafe fn load(from: *const i16) -> Self {
@@ -102,7 +107,7 @@ impl Lanes for Portable {
     #[inline(never)]
     unsafe fn widen(from: *const u8) -> Self {
         // SAFETY: the caller promises `WORDS` readable bytes; bytes need no alignment.
-        let bytes = unsafe { from.cast::<[u8; Self::WORDS]>().read() };
+        let bytes = unsafe { from.cast::<[u8; WORDS]>().read() };
         Self(bytes.map(i16::from))
     }
     #[inline(never)]
@@ -135,8 +140,8 @@ impl Lanes for Portable {
     }
     #[inline(never)]
     unsafe fn add_widened(self, sums: Self) -> Self {
-        let mut words = [0; Self::WORDS];
-        for lane in 0..Self::WORDS / 4 {
+        let mut words = [0; WORDS];
+        for lane in 0..WORDS / 4 {
             let parts = [0, 1, 2, 3].map(|word| u64::from(self.0[4 * lane + word] as u16) << (16 * word));
             let sum = i64::from(sums.integer(2 * lane)) + i64::from(sums.integer(2 * lane + 1));
             let value = parts.iter().sum::<u64>().wrapping_add(sum as u64);
@@ -149,6 +154,9 @@ impl Lanes for Portable {
     #[inline(never)]
     unsafe fn multiply_add(self, a: Self, b: Self) -> Self {
         let product = |word: usize| i32::from(a.0[word]) * i32::from(b.0[word]);
-        self.integers(|lane, value| value.wrapping_add(product(2 * lane)).wrapping_add(product(2 * lane + 1)))
+        self.integers(|lane, value| {
+            let words = if GROUP == 8 { [lane, lane + 4] } else { [2 * lane, 2 * lane + 1] };
+            words.into_iter().fold(value, |sum, word| sum.wrapping_add(product(word)))
+        })
     }
 }

@@ -5,7 +5,7 @@
 //!
 //! # How
 //! The sum of a mask `{a, b, c}` is the sum of (product of the *pair* a, b) times (the *third* c). 237 + 13 masks share
-//! some 40 pairs; [`plan`] says which pair serves which masks, in *tiles* whose sums fit the registers. Products
+//! some 40 pairs; `plan.rs` says which pair serves which masks, in *tiles* whose sums fit the registers. Products
 //! of pairs are 16 bits wide; less 32 768 they are signed words, multiplied with the third and added in pairs to
 //! 32-bit lanes by one instruction; what was taken away is 32 768 times the sum of the thirds, which costs next to
 //! nothing. 128 rows fit a 32-bit lane whatever the voxels are; then it is added to 64-bit lanes, which never overflow.
@@ -18,11 +18,13 @@
 //! value fits. It pays where additions have ports of their own: AMD's CPUs add four vectors while they multiply two.
 //!
 //! # What was tried, on a Zen 4 (3.69 GHz; all with octants, 64^3)
-//! - Won: folding 3 of 4 products, 0.75 to 0.59 ms: all of them would bind the adders, none the multipliers.
+//! - Won: folding 3 of 4 products, 0.68 to 0.59 ms: all of them would bind the adders, none the multipliers.
 //! - Won: `vpdpwssd` by assembly that keeps its place in the program: LLVM then spills no sums; 0.69 to 0.60 ms.
 //! - Won: 64-bit totals of neighbouring lanes in place of upper and lower halves: half the stores, no drains to come.
-//! - Won: 15 tiles of 17 sums rather than 13 of 20: more multiplications of pairs, but hardly a spill.
+//! - Won: 16 tiles of 16 sums rather than 13 of 19: more multiplications of pairs, but hardly a spill; 0.61 to 0.59 ms.
 //! - Lost: blocks that fit the first-level cache (20 KB for 38): 0.61 ms; twice the flushes cost more than L2.
+//! - Open: 256^3 takes 49 ms where 64^3 scales to 41: registers of windows go through the whole volume one after another, and
+//!   packing waits for memory. Totals for every register of a row would let neighbours share their cache lines.
 //! - Lost on paper: sharing a pair's product among its anchors. It saves 3 % of the multiplications at most, and its
 //!   rows and lanes would need masks; Karatsuba over rows (3 products for 4) needs 17-bit sums of pairs.
 
@@ -47,6 +49,7 @@ mod plan;
 pub mod scalar;
 mod slab;
 mod tiles;
+pub(super) mod windows;
 
 pub(super) use slab::Slab;
 
@@ -137,7 +140,7 @@ impl Kernel {
             // SAFETY: as above.
             Self::Avx512VnniFolded => unsafe { avx512::vnni_folded(slab) },
             // SAFETY: plain Rust runs everywhere.
-            _ => unsafe { body::sums::<lanes::Portable, tiles::Wide, true>(slab) },
+            _ => unsafe { body::sums::<lanes::Portable<4>, tiles::Wide, true>(slab) },
         }
     }
 }
@@ -196,7 +199,7 @@ pub fn available() -> impl Iterator<Item = Kernel> {
 }
 
 /// The octant sums of a grey volume of `shape`, by the active kernel; volumes of 0 and 255 only go the way of
-/// [`octants_binary`] by themselves, about eight times as fast.
+/// [`octants_binary`] by themselves, 1.2 to 1.5 times as fast.
 ///
 /// # Panics
 /// Where a side is under 3 or `voxels` is not as long as the shape says.

@@ -152,162 +152,175 @@ pub(super) use table;
 macro_rules! wide {
     ($with:ident) => {
         $with! {
-            0: ab kv pw {
-                c: fold ab; f: fold ab; k: fold ab, flat pw; n: fold ab, fold kv; l: fold ab, fold kv, flat pw;
-                o: fold ab; t: fold kv, flat pw; z: fold kv; u: fold kv, flat pw; one: flat ab, fold kv;
+            0: ab km np {
+                c: flat ab; f: fold ab; j: fold ab; k: fold ab, flat np; n: fold ab, fold km; q: fold km;
+                l: fold ab, fold km, flat np; o: fold ab, fold km; one: flat ab;
             }
-            1: ad km np {
-                a: fold km, flat np; g: fold ad; b: fold ad; h: fold ad; p: flat ad, fold km; k: flat np;
-                n: fold ad, fold km; q: fold ad, flat km; l: flat np; o: fold km; z: fold km; one: fold ad, fold km;
+            1: ad nt sw {
+                d: flat nt; g: fold ad, flat nt; b: flat ad; h: fold ad; p: flat ad, flat nt, fold sw;
+                k: fold ad, fold sw; n: fold ad, fold sw; q: fold ad, fold sw; o: fold sw; r: fold sw; one: fold ad;
             }
-            2: ae ak {
-                d: fold ae, flat ak; g: flat ae; h: fold ae; c: fold ak; f: flat ak; k: fold ae; n: fold ae, fold ak;
-                l: fold ae, fold ak; o: flat ak; t: fold ak; w: fold ak; u: fold ak; x: fold ak;
-                one: fold ae, flat ak;
+            2: ae ms mu {
+                a: fold ms; d: fold ae, fold ms; g: fold ae, flat ms; f: fold ae; i: flat ae;
+                n: fold ae, fold ms, flat mu; q: fold ae, fold ms; w: fold ms, flat mu; z: fold ms;
+                one: flat ae, fold ms;
             }
-            3: ae kv {
-                a: fold kv; b: flat ae, fold kv; e: fold kv; c: fold ae, fold kv; f: fold ae, fold kv; i: flat ae;
-                p: fold ae, flat kv; q: flat ae, flat kv; o: fold ae, fold kv; r: fold ae; x: fold kv;
+            3: ae mt {
+                b: flat ae, fold mt; e: flat mt; h: fold ae, fold mt; c: fold ae; m: fold ae; p: flat ae;
+                k: fold ae, flat mt; n: fold mt; l: flat ae, fold mt; o: fold ae, fold mt; r: fold ae; one: fold mt;
             }
-            4: aj sv sw {
-                e: fold aj; m: fold aj; p: flat sv, fold sw; k: flat aj, fold sw; n: fold aj; q: flat sv, fold sw;
-                l: fold sw; o: fold sw; r: fold sw; s: fold aj; v: flat aj; t: fold aj; w: flat aj; one: fold aj;
+            4: aj ak {
+                c: fold ak; f: fold ak; k: fold aj; n: flat ak; l: flat ak; o: fold ak; s: flat aj, fold ak;
+                v: fold aj; t: fold aj, fold ak; w: fold aj, flat ak; u: flat ak; x: fold ak; one: fold aj, fold ak;
             }
-            5: am ej mt {
-                e: fold am, flat mt; h: fold am, flat mt; p: fold am; o: flat mt; s: fold am, fold ej;
-                v: fold am, fold ej; t: fold am, fold ej; w: fold am, fold ej; z: flat mt; one: fold am, flat mt;
+            5: am dj {
+                a: fold dj; d: fold am; g: flat am; h: fold am; j: fold am; p: fold am; q: flat am; s: fold dj;
+                v: flat am, flat dj; y: fold am; t: fold am, fold dj; w: fold am, fold dj; z: flat am; one: fold am;
             }
-            6: am an st {
-                d: fold am; g: fold am, fold an; n: fold am, flat st; q: fold am, flat an; l: fold an, flat st;
-                o: flat an, flat st; s: fold an; y: fold am, fold an; w: fold an; z: fold am, fold an;
+            6: an km {
+                a: fold km; m: flat an; p: fold an, flat km; v: fold an, flat km; y: fold an, fold km;
+                w: fold an, flat km; z: fold km; u: fold km; x: fold an, fold km; A: fold an; one: fold an, flat km;
             }
-            7: an ns {
-                e: fold ns; h: fold an, fold ns; c: flat an, fold ns; f: fold an; i: flat an, flat ns; o: fold ns;
-                r: fold an, fold ns; u: fold an, fold ns; x: fold an; A: flat an, fold ns; one: flat an, fold ns;
+            7: an ns st {
+                h: fold an; c: fold an, fold ns; f: fold an, fold ns; i: fold an, flat ns; j: fold an;
+                l: flat an, fold ns, flat st; o: flat an, fold ns, flat st; r: fold an, fold ns; t: fold an;
             }
-            8: bj ms {
-                a: fold bj; d: fold ms; g: flat ms; b: flat ms; e: fold ms; h: flat ms; p: fold ms; n: fold ms;
-                q: fold ms; s: flat bj; v: fold bj, fold ms; y: fold ms; t: fold bj, fold ms; w: fold bj, flat ms;
-                z: fold ms; one: fold ms;
+            8: an mt nu {
+                d: fold mt, fold nu; g: flat an, fold mt, fold nu; p: fold mt, flat nu; q: flat an, fold mt;
+                y: fold mt, fold nu; w: fold mt; z: flat an, fold mt; u: flat an, fold mt; x: fold mt;
             }
-            9: bm dj nt {
-                a: flat bm, fold dj, flat nt; d: fold nt; g: fold nt; p: flat nt; s: fold dj;
-                v: flat bm, fold dj, fold nt; y: fold bm; t: fold dj; w: fold bm, fold dj; z: fold bm;
+            9: bj dk lw {
+                m: fold lw; p: fold lw; s: flat bj, fold dk, fold lw; v: flat bj, fold dk, fold lw;
+                t: flat bj, fold dk; w: flat bj, fold dk; u: fold dk; x: fold dk;
             }
-            10: dk km mw wy {
-                k: flat wy; l: flat wy; s: fold km; v: fold km; y: fold km; t: fold dk, fold km; w: fold dk, fold km;
-                u: fold dk, fold km, flat mw; x: flat dk, fold km;
+            10: bm ej {
+                a: fold bm, flat ej; s: fold bm, flat ej; v: fold bm, fold ej; y: fold bm; t: fold ej;
+                w: flat bm, fold ej; z: fold bm;
             }
-            11: ks ns nv {
-                a: fold ks, flat nv; d: fold ks; b: fold ks, flat nv; e: fold ks; c: fold ks, flat nv;
-                f: fold ks, flat ns; k: flat ns; l: fold ks; o: fold ks; v: fold ks; t: fold ks; u: fold ks;
-                x: fold ks, flat ns; one: fold ks;
+            11: ks mn nv {
+                b: fold ks, fold nv; e: fold ks; c: fold ks, flat nv; f: fold ks; m: flat ks;
+                l: fold ks, flat mn, fold nv; o: flat ks; t: flat ks, fold nv; u: fold ks, fold nv; x: fold ks;
+                one: fold ks;
             }
-            12: kv ns tv {
-                d: flat kv, fold ns; g: fold ns; b: fold ns; p: fold ns, fold tv; q: fold ns, fold tv;
-                l: fold ns, fold tv; o: flat tv; v: flat ns; y: flat kv, fold ns; w: flat kv, fold ns; z: fold ns;
+            12: kv ns {
+                a: fold kv, fold ns; d: fold ns; g: fold ns; k: fold ns; n: flat kv; q: flat kv, fold ns;
+                z: fold kv, fold ns; u: fold kv, flat ns; x: flat kv, flat ns; A: fold ns; one: fold kv, fold ns;
             }
-            13: lm lv ny {
-                b: fold ny; c: fold ny; k: fold lm, fold ny; n: fold lm, flat lv; l: fold ny; t: fold lm, fold ny;
-                w: flat lm, flat lv;
+            13: kv ny pw {
+                b: fold kv, fold ny; e: fold kv; c: fold kv, flat ny; f: fold kv; p: fold kv; k: fold ny, flat pw;
+                l: fold kv, flat ny; o: fold kv; y: fold kv; t: fold kv, fold ny, flat pw; w: fold kv; u: flat pw;
             }
-            14: mt nu {
-                d: fold mt, fold nu; g: flat mt, fold nu; b: flat mt; m: fold nu; p: flat mt, fold nu; n: fold mt;
-                q: fold mt; v: fold mt, fold nu; y: flat mt, flat nu; w: fold mt; u: fold mt; x: fold mt;
+            14: ms ns {
+                b: flat ns; e: fold ms, flat ns; h: fold ms, fold ns; p: fold ms, fold ns; v: flat ms;
+                y: fold ms, fold ns; t: fold ms, fold ns;
+            }
+            15: sv tv wy {
+                m: fold tv; p: fold sv, fold tv; k: fold sv, flat wy; n: flat sv; q: fold sv, fold tv;
+                l: fold tv, flat wy; o: fold tv;
             }
         }
     };
 }
 pub(super) use wide;
 
+#[cfg(any(test, target_arch = "x86_64"))]
 macro_rules! narrow {
     ($with:ident) => {
         $with! {
             0: ab lw {
-                d: flat ab; e: flat ab; c: flat ab; f: flat ab; p: flat lw; k: flat ab; l: flat ab; o: flat ab;
+                d: flat ab; c: flat ab; f: flat ab; j: flat ab; p: flat lw; l: flat ab; o: flat ab; s: flat lw;
                 v: flat lw; y: flat lw; one: flat ab;
             }
-            1: ad sv {
-                g: flat ad; e: flat ad; h: flat ad; j: flat ad; p: flat ad, flat sv; n: flat ad, flat sv;
-                q: flat ad, flat sv; one: flat ad;
+            1: ad kv {
+                g: flat ad; h: flat ad; c: flat kv; f: flat kv; m: flat ad; p: flat ad, flat kv; q: flat ad, flat kv;
+                one: flat ad, flat kv;
             }
-            2: ae {
-                g: flat ae; h: flat ae; c: flat ae; f: flat ae; i: flat ae; j: flat ae; p: flat ae; q: flat ae;
-                l: flat ae; o: flat ae; r: flat ae; one: flat ae;
+            2: ae mt {
+                b: flat ae, flat mt; h: flat ae, flat mt; f: flat ae; i: flat ae; p: flat mt; l: flat ae; r: flat ae;
+                one: flat ae, flat mt;
             }
-            3: aj dj {
-                m: flat aj; k: flat aj; s: flat aj, flat dj; v: flat aj, flat dj; t: flat aj, flat dj;
-                w: flat aj, flat dj; one: flat aj;
+            3: ae an {
+                d: flat ae; g: flat ae, flat an; c: flat ae, flat an; p: flat ae; k: flat ae; q: flat ae, flat an;
+                o: flat ae; A: flat an;
             }
-            4: ak {
-                e: flat ak; c: flat ak; f: flat ak; m: flat ak; l: flat ak; o: flat ak; v: flat ak; t: flat ak;
-                w: flat ak; u: flat ak; x: flat ak; one: flat ak;
+            4: aj mt {
+                d: flat aj; m: flat aj; k: flat aj, flat mt; s: flat aj; v: flat aj; t: flat aj; w: flat aj, flat mt;
+                x: flat mt; one: flat aj;
             }
-            5: am {
-                d: flat am; g: flat am; e: flat am; h: flat am; p: flat am; n: flat am; q: flat am; v: flat am;
-                y: flat am; t: flat am; z: flat am; one: flat am;
+            5: ak mt {
+                a: flat mt; d: flat ak, flat mt; c: flat ak; q: flat mt; o: flat ak; t: flat ak; w: flat ak;
+                u: flat ak, flat mt; one: flat ak;
             }
-            6: an kn {
-                a: flat kn; m: flat kn; p: flat an, flat kn; o: flat an; s: flat an, flat kn; v: flat kn; x: flat an;
-                A: flat an; one: flat an;
+            6: ak ks {
+                b: flat ak, flat ks; e: flat ks; c: flat ks; f: flat ak, flat ks; l: flat ak, flat ks; u: flat ks;
+                x: flat ak, flat ks;
             }
-            7: an {
-                g: flat an; b: flat an; e: flat an; h: flat an; c: flat an; f: flat an; i: flat an; j: flat an;
-                q: flat an; r: flat an; y: flat an; w: flat an; z: flat an;
+            7: am tv {
+                g: flat am; e: flat am; h: flat am; p: flat tv; n: flat am, flat tv; q: flat tv; l: flat tv;
+                o: flat tv; v: flat am; one: flat am;
             }
-            8: bj bm {
-                a: flat bj, flat bm; s: flat bj, flat bm; v: flat bj, flat bm; y: flat bm; t: flat bj, flat bm;
-                w: flat bj, flat bm; z: flat bm;
+            8: am sw {
+                b: flat am; p: flat am, flat sw; q: flat am, flat sw; o: flat sw; r: flat sw; s: flat am; y: flat am;
+                w: flat am; z: flat am;
             }
-            9: dk nt {
-                a: flat dk, flat nt; d: flat nt; g: flat nt; m: flat nt; p: flat nt; v: flat dk; t: flat dk;
-                w: flat dk; u: flat dk; x: flat dk;
+            9: an ks {
+                a: flat ks; f: flat an; n: flat ks; o: flat an, flat ks; t: flat an, flat ks; w: flat an, flat ks;
+                one: flat an, flat ks;
             }
-            10: ej kw pw {
-                k: flat pw; s: flat ej, flat kw, flat pw; v: flat ej, flat kw; y: flat kw; t: flat ej, flat pw;
-                w: flat ej; u: flat pw;
+            10: an dk {
+                d: flat an; j: flat an; k: flat an; r: flat an; s: flat dk; v: flat an; t: flat dk; w: flat dk;
+                u: flat dk; x: flat an, flat dk;
             }
-            11: km {
-                p: flat km; q: flat km; l: flat km; o: flat km; v: flat km; y: flat km; t: flat km; w: flat km;
-                z: flat km; u: flat km; x: flat km; one: flat km;
+            11: an st {
+                b: flat an; e: flat an; h: flat an; i: flat an; p: flat an; l: flat an, flat st; o: flat st;
+                y: flat an; z: flat an; u: flat an;
             }
-            12: ks {
-                a: flat ks; d: flat ks; b: flat ks; e: flat ks; c: flat ks; f: flat ks; l: flat ks; o: flat ks;
-                v: flat ks; u: flat ks; x: flat ks; one: flat ks;
+            12: bj ns {
+                b: flat ns; f: flat ns; m: flat ns; r: flat ns; s: flat bj; v: flat bj, flat ns; t: flat bj, flat ns;
+                w: flat bj, flat ns;
             }
-            13: kv {
-                b: flat kv; e: flat kv; c: flat kv; f: flat kv; p: flat kv; q: flat kv; l: flat kv; o: flat kv;
-                y: flat kv; z: flat kv; u: flat kv; x: flat kv; one: flat kv;
+            13: bm nt sv {
+                d: flat nt; g: flat nt; m: flat nt; p: flat nt, flat sv; q: flat sv; v: flat bm; y: flat bm;
+                w: flat bm; z: flat bm;
             }
-            14: ln nu {
-                a: flat ln, flat nu; d: flat nu; g: flat nu; m: flat ln, flat nu; p: flat ln, flat nu;
-                s: flat ln, flat nu; y: flat nu;
+            14: dj ln nv {
+                b: flat nv; c: flat nv; m: flat ln; s: flat dj, flat ln; v: flat dj, flat ln; y: flat ln; t: flat dj;
+                w: flat dj;
             }
-            15: ms {
-                a: flat ms; d: flat ms; g: flat ms; e: flat ms; h: flat ms; p: flat ms; k: flat ms; q: flat ms;
-                v: flat ms; y: flat ms; z: flat ms; one: flat ms;
+            15: ej km {
+                a: flat ej, flat km; n: flat km; q: flat km; s: flat ej; v: flat ej, flat km; t: flat ej;
+                w: flat ej, flat km; z: flat km;
             }
-            16: mt {
-                d: flat mt; g: flat mt; e: flat mt; h: flat mt; p: flat mt; q: flat mt; l: flat mt; o: flat mt;
-                v: flat mt; y: flat mt; w: flat mt; z: flat mt; u: flat mt; x: flat mt; one: flat mt;
+            16: gn ns {
+                e: flat ns; c: flat ns; i: flat ns; q: flat ns; s: flat gn; z: flat ns; u: flat gn, flat ns;
+                x: flat ns; A: flat ns; one: flat ns;
             }
-            17: mw nv sw {
-                a: flat mw, flat nv; b: flat nv; c: flat nv; m: flat sw; q: flat sw; l: flat mw, flat nv, flat sw;
-                o: flat sw; r: flat sw; u: flat mw, flat nv;
+            17: km np {
+                p: flat km; k: flat np; l: flat km, flat np; o: flat km; s: flat km, flat np; u: flat km, flat np;
+                x: flat km; one: flat km;
             }
-            18: ns st {
-                c: flat ns; f: flat ns; m: flat ns, flat st; p: flat ns; k: flat st; l: flat st; o: flat ns, flat st;
-                w: flat ns; z: flat ns; one: flat ns;
+            18: kv ns {
+                a: flat kv, flat ns; d: flat kv, flat ns; h: flat ns; o: flat kv, flat ns; y: flat kv, flat ns;
+                t: flat kv; x: flat kv;
             }
-            19: ns {
-                d: flat ns; g: flat ns; b: flat ns; e: flat ns; h: flat ns; i: flat ns; q: flat ns; r: flat ns;
-                y: flat ns; t: flat ns; x: flat ns; A: flat ns;
+            19: kv ky {
+                b: flat kv; e: flat kv; m: flat ky; n: flat kv, flat ky; l: flat kv; s: flat kv; w: flat kv, flat ky;
+                z: flat kv; u: flat kv;
             }
-            20: ny tv {
-                b: flat ny; c: flat ny; p: flat tv; k: flat ny, flat tv; n: flat tv; q: flat tv; l: flat ny, flat tv;
-                o: flat tv; t: flat ny;
+            20: ms pw {
+                d: flat ms; b: flat ms; p: flat ms; k: flat pw; q: flat ms; y: flat ms; t: flat ms, flat pw;
+                z: flat ms; u: flat pw; one: flat ms;
+            }
+            21: ms mt {
+                g: flat ms, flat mt; e: flat ms, flat mt; h: flat ms; l: flat mt; o: flat mt; v: flat ms, flat mt;
+                y: flat mt; z: flat mt;
+            }
+            22: mw nu ny {
+                d: flat nu; b: flat ny; c: flat ny; m: flat nu; l: flat mw; s: flat mw; v: flat nu; t: flat ny;
+                u: flat mw, flat ny;
             }
         }
     };
 }
+#[cfg(any(test, target_arch = "x86_64"))]
 pub(super) use narrow;

@@ -1,8 +1,13 @@
-//! The loops of the plans: every tile of a plan over one packed block.
+//! The loops of the plans: every tile of a plan over one block of packed voxels.
+//!
+//! One macro makes them of a plan's table. Every index in it is a constant, so that arrays become registers; the order of
+//! the program is the table's, third by third, which keeps few of them alive at a time.
 
 use super::block::Block;
 use super::lanes::Lanes;
-use super::plan::{Term, Tile, cell, cells, equal, narrow, table, wide};
+#[cfg(any(test, target_arch = "x86_64"))]
+use super::plan::narrow;
+use super::plan::{Term, Tile, cell, cells, equal, table, wide};
 
 /// A plan and its loops.
 pub(super) trait Plan {
@@ -26,7 +31,51 @@ const fn base(tiles: &[Tile], tile: usize) -> usize {
     terms
 }
 
-/// Makes the loops of a plan of its table. Every index is a constant, so that arrays become registers.
+/// A value that is computed while compiling: an item by itself, because thousands of `const { }` blocks take the compiler
+/// a minute.
+macro_rules! constant {
+    ($type:ty: $value:expr) => {{
+        const VALUE: $type = $value;
+        VALUE
+    }};
+}
+
+/// The place of a term in its tile.
+macro_rules! slot {
+    ($tile:ident, $third:ident, $pair:ident) => {
+        constant!(usize: $tile.slot(stringify!($third), stringify!($pair)))
+    };
+}
+
+/// The place of a pair in its tile.
+macro_rules! place {
+    ($tile:ident, $pair:ident) => {
+        constant!(usize: $tile.pair(stringify!($pair)))
+    };
+}
+
+/// The products of a pair in a row.
+macro_rules! product {
+    ($row:ident, $pair:ident) => {
+        $row.pair(constant!([usize; 2]: cells(stringify!($pair))))
+    };
+}
+
+/// A third cell in a row.
+macro_rules! third {
+    ($row:ident, $third:ident) => {
+        $row.third(constant!(usize: cell(stringify!($third))))
+    };
+}
+
+/// Whether a term's word says that it is folded.
+macro_rules! fold {
+    ($how:ident) => {
+        constant!(bool: equal(stringify!($how), "fold"))
+    };
+}
+
+/// The function [`Plan::pass`] of a plan's table.
 macro_rules! passes {
     ($($tile:literal: $($pair:ident)+ { $($third:ident: $($how:ident $with:ident),+;)+ })+) => {
         #[inline(always)]
@@ -40,25 +89,22 @@ macro_rules! passes {
                     let mut squares = [V::zero(); TILE.pairs.len()];
                     if FOLD {
                         $($(if fold!($how) {
-                            sums[const { TILE.slot(stringify!($third), stringify!($with)) }] =
-                                block.third_products(const { cell(stringify!($third)) });
+                            let products = block.third_products(constant!(usize: cell(stringify!($third))));
+                            sums[slot!(TILE, $third, $with)] = products;
                         })+)+
-                    }
-                    if FOLD {
-                        for row in block.pairs() {
+                        for row in block.row_pairs() {
                             let next = row.next();
-                            let (mut even, mut odd) = ([V::zero(); TILE.pairs.len()], [V::zero(); TILE.pairs.len()]);
+                            let mut even = [V::zero(); TILE.pairs.len()];
+                            let mut odd = [V::zero(); TILE.pairs.len()];
                             $(
-                                even[const { TILE.pair(stringify!($pair)) }] = row.pair(const { cells(stringify!($pair)) });
-                                odd[const { TILE.pair(stringify!($pair)) }] = next.pair(const { cells(stringify!($pair)) });
+                                even[place!(TILE, $pair)] = product!(row, $pair);
+                                odd[place!(TILE, $pair)] = product!(next, $pair);
                             )+
                             $({
-                                let third = row.third(const { cell(stringify!($third)) });
-                                let other = next.third(const { cell(stringify!($third)) });
+                                let (third, other) = (third!(row, $third), third!(next, $third));
                                 $({
-                                    let sum = &mut sums[const { TILE.slot(stringify!($third), stringify!($with)) }];
-                                    let even = even[const { TILE.pair(stringify!($with)) }];
-                                    let odd = odd[const { TILE.pair(stringify!($with)) }];
+                                    let sum = &mut sums[slot!(TILE, $third, $with)];
+                                    let (even, odd) = (even[place!(TILE, $with)], odd[place!(TILE, $with)]);
                                     *sum = if fold!($how) {
                                         sum.multiply_add(even.add_words(other), odd.add_words(third))
                                     } else {
@@ -66,44 +112,31 @@ macro_rules! passes {
                                     };
                                 })+
                             })+
-                            $(if const { TILE.folds(stringify!($pair)) } {
-                                const PAIR: usize = TILE.pair(stringify!($pair));
-                                squares[PAIR] = squares[PAIR].multiply_add(even[PAIR], odd[PAIR]);
+                            $(if constant!(bool: TILE.folds(stringify!($pair))) {
+                                let square = &mut squares[place!(TILE, $pair)];
+                                *square = square.multiply_add(even[place!(TILE, $pair)], odd[place!(TILE, $pair)]);
                             })+
                         }
                     }
-                    for row in block.singles() {
+                    for row in block.single_rows() {
                         let mut pairs = [V::zero(); TILE.pairs.len()];
-                        $(
-                            pairs[const { TILE.pair(stringify!($pair)) }] = row.pair(const { cells(stringify!($pair)) });
-                        )+
+                        $(pairs[place!(TILE, $pair)] = product!(row, $pair);)+
                         $({
-                            let third = row.third(const { cell(stringify!($third)) });
+                            let third = third!(row, $third);
                             $({
-                                let sum = &mut sums[const { TILE.slot(stringify!($third), stringify!($with)) }];
-                                *sum = sum.multiply_add(pairs[const { TILE.pair(stringify!($with)) }], third);
+                                let sum = &mut sums[slot!(TILE, $third, $with)];
+                                *sum = sum.multiply_add(pairs[place!(TILE, $with)], third);
                             })+
                         })+
                     }
                     $($({
-                        const SLOT: usize = TILE.slot(stringify!($third), stringify!($with));
-                        let sum = if FOLD && fold!($how) {
-                            sums[SLOT].subtract(squares[const { TILE.pair(stringify!($with)) }])
-                        } else {
-                            sums[SLOT]
-                        };
-                        block.add_total(BASE + SLOT, sum);
+                        let sum = sums[slot!(TILE, $third, $with)];
+                        let squares = if FOLD && fold!($how) { squares[place!(TILE, $with)] } else { V::zero() };
+                        block.add_total(BASE + slot!(TILE, $third, $with), sum.subtract(squares));
                     })+)+
                 }
             })+
         }
-    };
-}
-
-/// Whether a term's word says that it is folded.
-macro_rules! fold {
-    ($how:ident) => {
-        const { equal(stringify!($how), "fold") }
     };
 }
 
@@ -123,8 +156,10 @@ impl Plan for Wide {
 }
 
 /// For CPUs with 16 registers.
+#[cfg(any(test, target_arch = "x86_64"))]
 pub(super) struct Narrow;
 
+#[cfg(any(test, target_arch = "x86_64"))]
 impl Plan for Narrow {
     const TILES: &'static [Tile] = narrow!(table);
 
@@ -134,5 +169,47 @@ impl Plan for Narrow {
         narrow!(passes);
         // SAFETY: the caller promises the instructions.
         unsafe { pass::<V, FOLD>(block) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::super::plan::{ONE, slots};
+    use super::*;
+    use crate::hlac::{MASK_COUNT, MASKS};
+
+    /// The registers that a tile keeps from row to row and within one: sums, products, and sums of folded pairs.
+    fn registers(tile: &Tile, fold: bool) -> usize {
+        let products = if fold { 2 } else { 1 } * tile.pairs.len();
+        let squares = tile.pairs.iter().filter(|pair| fold && tile.folds(pair)).count();
+        tile.terms.len() + products + squares
+    }
+
+    fn check(tiles: &[Tile], registers_of_the_cpu: usize, fold: bool) {
+        let mut seen = BTreeSet::new();
+        for (mask, third) in slots(tiles) {
+            assert!(seen.insert(mask), "{} comes twice", MASKS[mask].letters());
+            assert_eq!(third == ONE, MASKS[mask].order() == 2, "{}", MASKS[mask].letters());
+        }
+        assert_eq!(seen, (1..MASK_COUNT).collect(), "all masks but that of one cell");
+        for tile in tiles {
+            // Two more at least: a third, and a sum on its way.
+            assert!(registers(tile, fold) + 2 <= registers_of_the_cpu, "{tile:?}");
+            for term in tile.terms {
+                assert!(tile.pairs.contains(&term.pair), "{term:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_wide_plan_has_every_mask_once_and_fits_32_registers() {
+        check(Wide::TILES, 32, true);
+    }
+
+    #[test]
+    fn the_narrow_plan_has_every_mask_once_and_fits_16_registers() {
+        check(Narrow::TILES, 16, false);
     }
 }

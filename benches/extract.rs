@@ -1,0 +1,246 @@
+//! How fast the exact sums are made: every kernel, one thread and all, beside the bound of this very machine.
+//!
+//! ```text
+//! cargo bench --bench extract                 # the table, then criterion's own measurements
+//! cargo bench --bench extract -- --table      # the table only
+//! ```
+//!
+//! The bound is 237 multiply-adds (the masks of three cells) to a window, at the rate that the machine multiplies and
+//! adds words in registers, measured in the same run. Answers are compared with the scalar reference first. Times of the
+//! table are the best of many calls, so that a busy machine shows what an idle one does.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use criterion::{Criterion, Throughput};
+use hlacdb::hlac::kernel::{self, Kernel};
+use hlacdb::hlac::{extract, extract_parallel, extract_sampled};
+use hlacdb::volume::Volume;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+
+/// The masks of three cells: one multiply-add to a window each.
+const PRODUCTS: f64 = 237.0;
+
+fn main() {
+    let volumes = [64, 128, 256].map(noise);
+    check();
+    table(&volumes);
+    if std::env::args().all(|argument| argument != "--table") {
+        let mut criterion = Criterion::default()
+            .sample_size(10)
+            .measurement_time(Duration::from_secs(2))
+            .warm_up_time(Duration::from_millis(500))
+            .configure_from_args();
+        measure(&mut criterion, &volumes);
+        criterion.final_summary();
+    }
+}
+
+fn noise(side: usize) -> Volume {
+    let mut state = side as u64;
+    Volume::from_fn([side; 3], |_, _, _| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 24) as u8
+    })
+    .unwrap()
+}
+
+/// Every kernel gives the bits of the reference, or nothing is measured.
+fn check() {
+    let volume = noise(40);
+    let expected = Kernel::Scalar.octants(volume.shape(), volume.voxels());
+    for kernel in kernel::available() {
+        assert_eq!(kernel.octants(volume.shape(), volume.voxels()), expected, "{kernel} differs from the reference");
+    }
+    assert_eq!(extract_parallel(&volume), expected);
+    println!("answers: every kernel equals the scalar reference");
+}
+
+/// The best of calls for about `span`, in seconds; at least three calls.
+fn best<T>(span: Duration, mut call: impl FnMut() -> T) -> f64 {
+    let (start, mut best, mut calls) = (Instant::now(), f64::MAX, 0);
+    while calls < 3 || start.elapsed() < span {
+        let call_start = Instant::now();
+        black_box(call());
+        best = best.min(call_start.elapsed().as_secs_f64());
+        calls += 1;
+    }
+    best
+}
+
+fn table(volumes: &[Volume]) {
+    let (name, rate) = bound();
+    println!(
+        "bound: {:.1} G multiply-adds/s ({name} in registers, one core); active: {}",
+        rate / 1e9,
+        kernel::active()
+    );
+    println!(
+        "{:>6} {:<20} {:>10} {:>10} {:>12} {:>8} {:>8}",
+        "side", "kernel", "ms", "Mvoxel/s", "Gmul-add/s", "x scalar", "% bound"
+    );
+    for volume in volumes {
+        let side = volume.shape()[0];
+        let windows = (side - 2).pow(3) as f64;
+        // The reference takes as long for every voxel: its time on 64^3 stands for the larger volumes.
+        let scalar =
+            best(Duration::ZERO, || Kernel::Scalar.octants([64; 3], volumes[0].voxels())) * windows / 62_f64.powi(3);
+        let row = |name: &str, seconds: f64, cores: f64| {
+            let products = PRODUCTS * windows / seconds;
+            println!(
+                "{side:>6} {name:<20} {:>10.3} {:>10.1} {:>12.2} {:>8.1} {:>8.1}",
+                seconds * 1e3,
+                (side as f64).powi(3) / seconds / 1e6,
+                products / 1e9,
+                scalar / seconds,
+                100.0 * products / (rate * cores),
+            );
+        };
+        row("scalar", scalar, 1.0);
+        for kernel in kernel::available().filter(|kernel| *kernel != Kernel::Scalar) {
+            let span = Duration::from_millis(if kernel == Kernel::Portable { 0 } else { 1500 });
+            if kernel != Kernel::Portable || side <= 64 {
+                row(kernel.name(), best(span, || kernel.octants(volume.shape(), volume.voxels())), 1.0);
+            }
+        }
+        let threads = rayon::current_num_threads();
+        let span = Duration::from_millis(1500);
+        row(&format!("active, {threads} threads"), best(span, || extract_parallel(volume)), threads as f64);
+    }
+    many(&volumes[0]);
+    binary(&volumes[0]);
+    sampled(&volumes[0]);
+}
+
+/// Many volumes, one to a core, against the same volumes one after the other.
+fn many(volume: &Volume) {
+    let volumes = vec![volume.clone(); 64];
+    let span = Duration::from_millis(1500);
+    let one = best(span, || volumes.iter().map(|volume| extract(volume).total().values[0]).sum::<u64>());
+    let all = best(span, || volumes.par_iter().map(|volume| extract(volume).total().values[0]).sum::<u64>());
+    println!(
+        "64 volumes of 64^3: {:.1} ms by one thread, {:.1} ms by {} ({:.2} times)",
+        one * 1e3,
+        all * 1e3,
+        rayon::current_num_threads(),
+        one / all
+    );
+}
+
+fn binary(volume: &Volume) {
+    let voxels: Vec<u8> = volume.voxels().iter().map(|voxel| if voxel % 2 == 0 { 0 } else { 255 }).collect();
+    let span = Duration::from_millis(500);
+    let dense = best(span, || kernel::active().octants(volume.shape(), &voxels));
+    let bits = best(span, || kernel::octants_binary(volume.shape(), &voxels));
+    println!("64^3 of 0 and 255: {:.3} ms by bits, {:.1} times the kernel", bits * 1e3, dense / bits);
+}
+
+/// From how many random windows on the exact sums of all windows are cheaper.
+fn sampled(volume: &Volume) {
+    let exact = best(Duration::from_millis(500), || extract(volume));
+    let window = best(Duration::from_millis(500), || extract_sampled(volume, 10_000, 1)) / 10_000.0;
+    println!(
+        "random windows: {:.0} ns each; all {} exactly cost as much as {:.0} of them",
+        window * 1e9,
+        62_u64.pow(3),
+        exact / window
+    );
+}
+
+/// The name and the rate (words a second) of the machine's best multiply-add of words.
+fn bound() -> (&'static str, f64) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if is_x86_feature_detected!("avx512vnni") && is_x86_feature_detected!("avx512f") {
+            // SAFETY: the CPU was just found to have the instructions.
+            return ("vpdpwssd", rate(32.0, |rounds| unsafe { registers::vnni(rounds) }));
+        }
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: as above.
+            return ("vpmaddwd", rate(16.0, |rounds| unsafe { registers::avx2(rounds) }));
+        }
+    }
+    ("scalar multiply-add", rate(1.0, scalar_rounds))
+}
+
+/// Words a second of `call(rounds)`, which runs 20 instructions of `words` words a round.
+fn rate(words: f64, call: impl Fn(u64)) -> f64 {
+    const ROUNDS: u64 = 20_000;
+    20.0 * words * ROUNDS as f64 / best(Duration::from_millis(300), || call(ROUNDS))
+}
+
+fn scalar_rounds(rounds: u64) {
+    let mut sums = [0_i32; 20];
+    for round in 0..rounds as i32 {
+        for (lane, sum) in sums.iter_mut().enumerate() {
+            *sum = sum.wrapping_add(black_box(round).wrapping_mul(lane as i32));
+        }
+    }
+    black_box(sums);
+}
+
+/// Loops of 20 independent multiply-adds.
+#[cfg(target_arch = "x86_64")]
+mod registers {
+    use std::arch::asm;
+
+    macro_rules! rounds {
+        ($name:ident, $features:literal, [$($line:literal)+]) => {
+            /// # Safety
+            /// The CPU must have the instructions.
+            #[target_feature(enable = $features)]
+            pub(crate) unsafe fn $name(rounds: u64) {
+                // SAFETY: registers only, and all of them are given as clobbered.
+                unsafe {
+                    asm!(
+                        "2:", $($line,)+ "dec {rounds}", "jnz 2b",
+                        rounds = inout(reg) rounds.max(1) => _,
+                        out("xmm0") _, out("xmm1") _, out("xmm2") _, out("xmm3") _, out("xmm4") _, out("xmm5") _,
+                        out("xmm6") _, out("xmm7") _, out("xmm8") _, out("xmm9") _, out("xmm10") _, out("xmm11") _,
+                        out("xmm12") _, out("xmm13") _, out("xmm14") _, out("xmm15") _,
+                        options(nomem, nostack),
+                    );
+                }
+            }
+        };
+    }
+
+    rounds!(vnni, "avx512f,avx512vnni", [
+        "vpdpwssd zmm0, zmm14, zmm15" "vpdpwssd zmm1, zmm14, zmm15" "vpdpwssd zmm2, zmm14, zmm15"
+        "vpdpwssd zmm3, zmm14, zmm15" "vpdpwssd zmm4, zmm14, zmm15" "vpdpwssd zmm5, zmm14, zmm15"
+        "vpdpwssd zmm6, zmm14, zmm15" "vpdpwssd zmm7, zmm14, zmm15" "vpdpwssd zmm8, zmm14, zmm15"
+        "vpdpwssd zmm9, zmm14, zmm15" "vpdpwssd zmm0, zmm14, zmm15" "vpdpwssd zmm1, zmm14, zmm15"
+        "vpdpwssd zmm2, zmm14, zmm15" "vpdpwssd zmm3, zmm14, zmm15" "vpdpwssd zmm4, zmm14, zmm15"
+        "vpdpwssd zmm5, zmm14, zmm15" "vpdpwssd zmm6, zmm14, zmm15" "vpdpwssd zmm7, zmm14, zmm15"
+        "vpdpwssd zmm8, zmm14, zmm15" "vpdpwssd zmm9, zmm14, zmm15"
+    ]);
+    rounds!(avx2, "avx2", [
+        "vpmaddwd ymm0, ymm14, ymm15" "vpmaddwd ymm1, ymm14, ymm15" "vpmaddwd ymm2, ymm14, ymm15"
+        "vpmaddwd ymm3, ymm14, ymm15" "vpmaddwd ymm4, ymm14, ymm15" "vpmaddwd ymm5, ymm14, ymm15"
+        "vpmaddwd ymm6, ymm14, ymm15" "vpmaddwd ymm7, ymm14, ymm15" "vpmaddwd ymm8, ymm14, ymm15"
+        "vpmaddwd ymm9, ymm14, ymm15" "vpmaddwd ymm0, ymm14, ymm15" "vpmaddwd ymm1, ymm14, ymm15"
+        "vpmaddwd ymm2, ymm14, ymm15" "vpmaddwd ymm3, ymm14, ymm15" "vpmaddwd ymm4, ymm14, ymm15"
+        "vpmaddwd ymm5, ymm14, ymm15" "vpmaddwd ymm6, ymm14, ymm15" "vpmaddwd ymm7, ymm14, ymm15"
+        "vpmaddwd ymm8, ymm14, ymm15" "vpmaddwd ymm9, ymm14, ymm15"
+    ]);
+}
+
+fn measure(criterion: &mut Criterion, volumes: &[Volume]) {
+    for volume in volumes {
+        let side = volume.shape()[0];
+        let mut group = criterion.benchmark_group(format!("extract {side}^3"));
+        group.throughput(Throughput::Elements((side as u64).pow(3)));
+        for kernel in kernel::available() {
+            let slow = matches!(kernel, Kernel::Scalar | Kernel::Portable);
+            if !slow || side == 64 {
+                group.bench_function(kernel.name(), |b| b.iter(|| kernel.octants(volume.shape(), volume.voxels())));
+            }
+        }
+        group.bench_function("active, all threads", |b| b.iter(|| extract_parallel(volume)));
+        group.finish();
+    }
+}
