@@ -6,9 +6,15 @@
 //! Many families have a `tilt`: the pattern is turned by that angle about an axis drawn at random (0: along the axes
 //! of the volume; a range of 0 to 180 gives any orientation).
 
+mod cellular;
+mod fluid;
 mod gradient;
+mod grains;
+mod made;
 mod mineral;
 mod organic;
+mod random_field;
+mod surface;
 
 use super::random::Random;
 use super::{Field, Fractal, Limits, Range};
@@ -71,6 +77,39 @@ pub static FAMILIES: &[&Family] = &[
     &mineral::AGATE,
     &mineral::VEINS,
     &organic::WOOD,
+    &cellular::STONE,
+    &cellular::FOAM,
+    &cellular::CRYSTAL,
+    &cellular::SCALES,
+    &cellular::CRACKS,
+    &cellular::SPONGE,
+    &fluid::CLOUDS,
+    &fluid::SMOKE,
+    &fluid::WATER,
+    &fluid::WAVES,
+    &fluid::DUNES,
+    &made::CHECKER,
+    &made::STRIPES,
+    &made::BRICK,
+    &made::WEAVE,
+    &made::DOTS,
+    &made::LAMELLAE,
+    &surface::GYROID,
+    &surface::PRIMITIVE,
+    &surface::DIAMOND,
+    &surface::IWP,
+    &grains::SPHERES,
+    &grains::BUBBLES,
+    &grains::FIBRES,
+    &grains::RUST,
+    &random_field::GAUSSIAN,
+    &random_field::BRUSHED,
+    &random_field::SPECKLE,
+    &random_field::SANDSTONE,
+    &random_field::SPINODAL,
+    &random_field::CAMOUFLAGE,
+    &random_field::SEDIMENT,
+    &random_field::LAVA,
 ];
 
 /// A parameter that takes any number within limits.
