@@ -17,7 +17,7 @@ pub(super) fn volume(seed: u64) -> Volume {
     let (strength, noise, level) = (next() * 80.0, next() * 60.0, 60.0 + next() * 120.0);
     let voxel = |z: usize, y: usize, x: usize| {
         let phase = wave[0] * z as f64 + wave[1] * y as f64 + wave[2] * x as f64;
-        (level + strength * phase.sin() + noise * (next() - 0.5)) as u8
+        (level + strength * libm::sin(phase) + noise * (next() - 0.5)) as u8
     };
     Volume::from_fn([16, 16, 16], voxel).unwrap()
 }

@@ -99,6 +99,7 @@ fn the_shipped_bytes_are_known() {
     let definition = Definition::built_in("default").unwrap();
     let space = Space::fit(&definition, &Statistics::new(&definition.recipe), None, &prior).unwrap();
     let point = space.point(&features(space.recipe(), &described(1))).unwrap();
-    assert_eq!(point[..4].iter().map(|c| c.to_bits()).collect::<Vec<_>>(), [0; 4]);
-    assert_eq!(xxhash_rust::xxh3::xxh3_64(bytemuck::cast_slice(&point)), 0);
+    let bits: Vec<u32> = point[..4].iter().map(|coordinate| coordinate.to_bits()).collect();
+    assert_eq!(bits, [1_032_897_258, 1_041_154_271, 1_040_617_087, 3_163_500_334]);
+    assert_eq!(xxhash_rust::xxh3::xxh3_64(bytemuck::cast_slice(&point)), 10_750_932_025_776_542_272);
 }

@@ -118,7 +118,8 @@ pub(super) static FIBRES: Family = Family {
         let voxels: f32 = brush.shape.iter().map(|&side| side as f32).product();
         let sides = brush.shape.map(|side| side as f32);
         let length = sides.iter().fold(0.0_f32, |longest, &side| longest.max(side));
-        let count = (density * voxels / (std::f32::consts::PI * radius * radius * length)).clamp(1.0, MOST_BALLS / length);
+        let count =
+            (density * voxels / (std::f32::consts::PI * radius * radius * length)).clamp(1.0, MOST_BALLS / length);
         let main = brush.random.direction();
         let mut field = Field::constant(brush.shape, 0.15);
         for _ in 0..count as u32 {
