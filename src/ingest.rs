@@ -239,7 +239,7 @@ fn cut(
         });
         let prepared = block.and_then(|block| {
             let [z, y, x] = origin;
-            let mut meta = meta(&path, options).source(source.clone()).block(BlockOf { origin, shape: volume.shape() });
+            let mut meta = meta(&path, options).source(source).block(BlockOf { origin, shape: volume.shape() });
             meta.name = format!("{}[{z},{y},{x}]", meta.name);
             database.prepare(&block, meta, options.volumes)
         });

@@ -56,8 +56,8 @@ pub mod volume;
 struct Readme;
 
 pub use database::{
-    Added, BlockOf, Compacted, ContentHash, DEFAULT_SPACE, Database, Exported, Imported, Meta, OpenOptions, Prepared,
-    Reindex, Reindexed, SpaceReport, StatisticsReport, Texture, Verified,
+    Added, BlockOf, Compacted, ContentHash, DEFAULT_SPACE, Database, Exported, IdPoint, Imported, Meta, OpenOptions,
+    Prepared, Reindex, Reindexed, SpaceReport, StatisticsReport, Texture, Verified,
 };
 pub use error::{Error, chain};
 pub use progress::Progress;

@@ -57,7 +57,7 @@ impl Demo {
             doing: format!("making the folder {}", display_path(&self.dir)),
             source,
         })?;
-        let database = OpenOptions::new().open(&self.dir.join("textures.hlacdb"))?;
+        let database = OpenOptions::new().open(self.dir.join("textures.hlacdb"))?;
         let recipe = Recipe::builtin("paper600")?;
         let bars = Bars::until(context, context.interruptible()?);
         let times = if database.len()? >= recipe.count() {

@@ -45,8 +45,7 @@ impl Sheet {
             )));
         };
         let out = self.out.unwrap_or_else(|| PathBuf::from(format!("texture-{}.png", self.id)));
-        let caption =
-            vec![texture.name.clone(), format!("id {}", texture.id), tags(&texture.tags)];
+        let caption = vec![texture.name.clone(), format!("id {}", texture.id), tags(&texture.tags)];
         let layout = sheet::Layout {
             columns: usize::from(self.columns),
             slices: usize::from(self.slices),

@@ -24,6 +24,7 @@ mod write;
 
 pub use open::OpenOptions;
 pub use prepare::{BlockOf, Meta, Prepared};
+pub use search::IdPoint;
 pub use spaces::{Reindex, Reindexed};
 pub use statistics::{SpaceReport, StatisticsReport};
 pub use textures::{ContentHash, Texture};

@@ -72,6 +72,9 @@ pub(super) fn metric(space: &Space) -> Metric {
     }
 }
 
+/// A texture's id and its point.
+pub type IdPoint = (u64, Vec<f32>);
+
 /// Fewer questions than this are answered by the scan alone: a tree would cost more than it saves.
 const QUESTIONS_WORTH_A_TREE: u64 = 8;
 
@@ -145,11 +148,7 @@ impl Database {
     ///
     /// # Errors
     /// [`Error::NoSuchSpace`], [`Error::Store`].
-    pub fn points_of(
-        &self,
-        space: &str,
-        ids: impl IntoIterator<Item = u64>,
-    ) -> Result<(Metric, Vec<(u64, Vec<f32>)>), Error> {
+    pub fn points_of(&self, space: &str, ids: impl IntoIterator<Item = u64>) -> Result<(Metric, Vec<IdPoint>), Error> {
         let state = self.state(&self.store().read()?, space)?;
         let points = ids.into_iter().filter_map(|id| Some((id, state.index.points().point(id)?.to_vec())));
         Ok((state.metric(), points.collect()))

@@ -117,6 +117,13 @@ impl Database {
             }
             progress.advance(ids.len() as u64);
         }
+        if report.added > IMPORT_ROWS as u64 {
+            // The file grows by doubling; what an import leaves empty at its end is given back. A reader that holds a
+            // state open hinders that, and nothing else: `compact` may be run later.
+            if let Err(error) = self.compact(progress) {
+                tracing::info!(%error, "the store was not compacted after the import");
+            }
+        }
         Ok(report)
     }
 

@@ -4,13 +4,13 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod index;
+mod kernels;
 mod model;
 mod program;
 mod real;
-mod kernels;
 mod reference_sums;
-mod store;
 mod space;
+mod store;
 mod support;
 mod synth;
 mod views;

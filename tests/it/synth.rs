@@ -16,7 +16,10 @@ fn every_family_has_its_golden_bytes() {
         include_str!("../fixtures/synth/golden.txt").lines().filter_map(|line| line.split_once(' ')).collect();
     let mut found = String::new();
     for family in FAMILIES {
-        let text = format!("name = \"golden\"\nseed = 1\nsize = [12, 13, 14]\n[[group]]\nfamily = \"{}\"\ncount = 1\n", family.name);
+        let text = format!(
+            "name = \"golden\"\nseed = 1\nsize = [12, 13, 14]\n[[group]]\nfamily = \"{}\"\ncount = 1\n",
+            family.name
+        );
         let recipe = Recipe::parse(&text).unwrap();
         let plain = hash(&recipe.specimens()[0].volume());
         let changed = hash(&recipe.with_nuisance(Nuisance::ALL).specimens()[0].volume());
