@@ -139,11 +139,11 @@ impl Extremes {
 /// use hlacdb::volume::Volume;
 /// let recipe = Recipe::plain();
 /// let mut statistics = Statistics::new(&recipe);
-/// for level in [51, 153] {
+/// for level in [0, 255] {
 ///     let described = hlac::describe(&Volume::new([4, 4, 4], 1, vec![level; 64])?, recipe.views());
 ///     statistics.add(&Contribution::of_sums(&recipe, &described)?.ok_or("too small")?)?;
 /// }
-/// assert_eq!((statistics.count(), statistics.mean()[0], statistics.deviation()[0]), (2, 0.4, 0.2));
+/// assert_eq!((statistics.count(), statistics.mean()[0], statistics.deviation()[0]), (2, 0.5, 0.5));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
