@@ -216,7 +216,7 @@ impl TryFrom<String> for View {
 /// use hlacdb::volume::Volume;
 /// let volume = Volume::from_fn([8, 8, 8], |z, y, x| (z + y + x) as u8)?;
 /// let view = views::render(&volume, "stretch@2".parse()?).ok_or("too small")?;
-/// assert_eq!((view.shape(), view.voxels()[0]), ([4, 4, 4], 0));
+/// assert_eq!((view.shape(), view.voxels()[0]), ([4, 4, 4], 2));
 /// assert!(views::render(&volume, "stretch@4".parse()?).is_none());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
