@@ -4,11 +4,12 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod index;
+mod kernels;
 mod model;
 mod program;
 mod real;
-mod kernels;
 mod reference_sums;
+mod slabs;
 mod store;
 mod support;
 mod views;
