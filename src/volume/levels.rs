@@ -322,7 +322,7 @@ impl Levels {
                     255
                 }
             }
-            Self::Line { range, .. } if range == 0.0 => 0,
+            Self::Line { range: 0.0, .. } => 0,
             Self::Line { lo, range, shrink } => {
                 let level = (255.0 * (sample * shrink - lo) / range).clamp(0.0, 255.0);
                 // `round`, without the call that it is on processors of the baseline: of numbers from 0 to 255 both

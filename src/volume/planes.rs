@@ -14,7 +14,7 @@ pub(super) enum Planes {
         stream: Option<PlaneStream>,
     },
     /// Pages of a TIFF file.
-    Tiff(tiff::Pages),
+    Tiff(Box<tiff::Pages>),
     /// Pictures in a folder.
     Slices(slices::Stack),
 }

@@ -104,7 +104,7 @@ pub(super) fn planes(path: &Path, options: &ReadOptions) -> Result<Option<Planes
         FileKind::Nrrd => Planes::of_extent(nrrd::extent(path, options)?, false),
         FileKind::MetaImage => Planes::of_extent(metaimage::extent(path, options)?, false),
         FileKind::Nifti => Planes::of_extent(nifti::extent(path, options)?, false),
-        FileKind::Tiff => Some(Planes::Tiff(tiff::Pages::open(path, options)?)),
+        FileKind::Tiff => Some(Planes::Tiff(Box::new(tiff::Pages::open(path, options)?))),
         _ => None,
     })
 }
