@@ -82,7 +82,7 @@ pub(crate) struct Extract {
 /// The default of `--slab-memory`: files up to this size are read at once.
 const SLAB_MEMORY: u64 = 1 << 30;
 
-/// The most memory of one slab, whatever the file's: more makes nothing faster.
+/// The most memory that reading and describing one slab takes, however much may be taken (a plane at least).
 const LARGEST_SLAB: u64 = 64 << 20;
 
 fn spacing_parser() -> impl TypedValueParser<Value = Spacing> {
