@@ -4,9 +4,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use hlacdb::hlac::{self, MASK_COUNT, MASKS, Sums};
-use hlacdb::volume::{self, Volume};
+use hlacdb::hlac::{
+    self, ExtractError, Extraction, MASK_COUNT, MASKS, MaskedSums, RegionSlabExtractor, SlabExtractor, Spacing, Sums,
+    Workers,
+};
+use hlacdb::volume::{self, Intensity, ReadError, ReadOptions, Shape, SlabReader, Volume};
 use hlacdb::{Progress, arrays};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -25,8 +29,13 @@ use super::{Context, Failure, Outcome};
   hlacdb --json extract sample.npy
   hlacdb extract core.raw --raw-shape 200,512,512 --raw-type u16le --intensity auto
   hlacdb extract sample.npy --variant sampled --windows 10000 --seed 1    as the paper did
+  hlacdb extract sample.npy --spacing 2                   cells two voxels apart: coarser structure
+  hlacdb extract core.nrrd --region pores.nrrd --json     only windows whose cells lie where pores.nrrd is not 0
 
-The time shown is that of the sums alone, without reading.")]
+The time shown is that of the sums alone, without reading.
+
+A file whose decoded samples take more than --slab-memory is read slab by slab, with the same answer; its samples must lie
+in the order of Z (bare samples, .npy in C order, NRRD, MetaImage, NIfTI, TIFF pages, slices), others are read whole.")]
 pub(crate) struct Extract {
     /// Volumes: files, or folders of slices
     #[arg(required = true, value_name = "FILE")]
@@ -52,8 +61,36 @@ pub(crate) struct Extract {
     #[arg(long, value_name = "SEED", default_value_t = 0)]
     seed: u64,
 
+    /// `exact`: how far apart the cells of a window are, in voxels
+    #[arg(long, value_name = "VOXELS", default_value = "1", value_parser = spacing_parser())]
+    spacing: Spacing,
+
+    /// `exact`: take only windows whose cells lie where this volume of the same shape is not 0; each mask then has its own
+    /// number of windows (`counts` in JSON), by which its moment is divided
+    #[arg(long, value_name = "MASK_FILE")]
+    region: Option<PathBuf>,
+
+    /// `exact`: read a file whose decoded samples take more than this slab by slab, in slabs that take no more (and a
+    /// plane at least; a region is held in memory, a byte per voxel)
+    #[arg(long, value_name = "BYTES", default_value_t = SLAB_MEMORY)]
+    slab_memory: u64,
+
     #[command(flatten)]
     reading: ReadArguments,
+}
+
+/// The default of `--slab-memory`: files up to this size are read at once.
+const SLAB_MEMORY: u64 = 1 << 30;
+
+/// The most memory that reading and describing one slab takes, however much may be taken (a plane at least).
+const LARGEST_SLAB: u64 = 64 << 20;
+
+fn spacing_parser() -> impl TypedValueParser<Value = Spacing> {
+    PossibleValuesParser::new(["1", "2", "4"]).map(|text| match text.as_str() {
+        "4" => Spacing::Four,
+        "2" => Spacing::Two,
+        _ => Spacing::One,
+    })
 }
 
 /// Which sums are taken.
@@ -77,6 +114,37 @@ struct Extracted {
     elapsed_us: u64,
     sums: Vec<u64>,
     moments: Vec<f64>,
+    /// Each mask's windows within the region.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    counts: Option<Vec<u64>>,
+}
+
+/// Why a file gave no sums.
+#[derive(Debug, thiserror::Error)]
+enum Refused {
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    #[error("{path}: {error}")]
+    Extract { path: String, error: ExtractError },
+}
+
+/// What the variant asked for makes of a volume.
+struct Answer {
+    windows: u64,
+    sums: [u64; MASK_COUNT],
+    moments: [f64; MASK_COUNT],
+    counts: Option<[u64; MASK_COUNT]>,
+}
+
+impl Answer {
+    fn of(sums: &Sums) -> Self {
+        Self { windows: sums.windows, sums: sums.values, moments: sums.moments(), counts: None }
+    }
+
+    /// `windows` are those of the whole volume.
+    fn within(sums: &MaskedSums, windows: u64) -> Self {
+        Self { windows, sums: sums.values, moments: sums.moments(), counts: Some(sums.windows) }
+    }
 }
 
 #[derive(Serialize)]
@@ -95,14 +163,19 @@ struct Failed<'a> {
 
 impl Extract {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        if self.variant != Variant::Exact && (self.region.is_some() || self.spacing != Spacing::One) {
+            let sentence = "--spacing and --region are for exact sums: leave out --variant".into();
+            return Err(Failure::Usage(sentence));
+        }
+        let region = self.region.as_deref().map(|path| self.read_region(path)).transpose()?;
         let bars = Bars::new(context);
         bars.begin("extracting", Some(self.files.len() as u64));
         let began = Instant::now();
-        let answers: Vec<Result<Extracted, hlacdb::Error>> = self
+        let answers: Vec<Result<Extracted, Refused>> = self
             .files
             .par_iter()
             .map(|path| {
-                let answer = self.extract(path);
+                let answer = self.extract(path, region.as_ref());
                 bars.advance(1);
                 answer
             })
@@ -124,35 +197,70 @@ impl Extract {
         Ok(if bad.is_empty() { Outcome::Done } else { Outcome::Partly })
     }
 
-    fn extract(&self, path: &Path) -> Result<Extracted, hlacdb::Error> {
-        let (volume, _) = volume::read(path, &self.reading.options())?;
+    /// What is inside is 255, be it a label of 1 in 65535 or -1.
+    fn read_region(&self, path: &Path) -> Result<Volume, ReadError> {
+        let options = ReadOptions { intensity: Intensity::NonZero, ..self.reading.options() };
+        Ok(volume::read(path, &options)?.0)
+    }
+
+    fn extract(&self, path: &Path, region: Option<&Volume>) -> Result<Extracted, Refused> {
+        let refused = |error| Refused::Extract { path: volume::display_path(path), error };
+        let options = self.reading.options();
+        if self.variant == Variant::Exact {
+            let reader = SlabReader::open(path, &options)?;
+            if let Some(mut reader) = reader.filter(|reader| reader.bytes() > self.slab_memory) {
+                let mut slabs = self.slabs(reader.shape(), region).map_err(refused)?;
+                let planes = reader.planes_within(self.slab_memory.min(LARGEST_SLAB));
+                let mut elapsed = Duration::ZERO;
+                while let Some(slab) = reader.read(planes)? {
+                    let began = Instant::now();
+                    slabs.push(slab.first, &slab.grey()).map_err(refused)?;
+                    elapsed += began.elapsed();
+                }
+                let began = Instant::now();
+                let answer = slabs.finish().map_err(refused)?;
+                elapsed += began.elapsed();
+                return Ok(Extracted::new(path, reader.shape(), reader.channels(), elapsed, &answer));
+            }
+        }
+        let (volume, _) = volume::read(path, &options)?;
         let began = Instant::now();
-        let (windows, sums, moments) = self.sums(&volume);
-        let elapsed_us = began.elapsed().as_micros() as u64;
-        Ok(Extracted {
-            path: volume::display_path(path),
-            shape: volume.shape(),
-            channels: volume.channels(),
-            windows,
-            elapsed_us,
-            sums: sums.to_vec(),
-            moments: moments.to_vec(),
+        let answer = self.sums(&volume, region).map_err(refused)?;
+        Ok(Extracted::new(path, volume.shape(), volume.channels(), began.elapsed(), &answer))
+    }
+
+    /// Many files keep the cores busy by themselves; one file is shared by them.
+    fn workers(&self) -> Workers {
+        if self.files.len() > 1 { Workers::One } else { Workers::Pool }
+    }
+
+    /// The sums of a whole volume by the variant asked for.
+    fn sums(&self, volume: &Volume, region: Option<&Volume>) -> Result<Answer, ExtractError> {
+        let extraction = Extraction::new().spacing(self.spacing).workers(self.workers());
+        Ok(match (self.variant, region) {
+            (Variant::Exact, None) => Answer::of(&extraction.sums(volume)?.total()),
+            (Variant::Exact, Some(region)) => {
+                let sums = extraction.sums_in(volume, region)?.total();
+                Answer::within(&sums, windows(volume.shape(), self.spacing))
+            }
+            (Variant::Sampled, _) => Answer::of(&hlac::extract_sampled(volume, self.windows, self.seed)),
+            (Variant::HitSum, _) => {
+                let sums = hlac::extract_hit_sum(volume);
+                Answer { windows: sums.windows, sums: sums.values, moments: sums.moments(), counts: None }
+            }
         })
     }
 
-    /// Windows, sums and moments by the variant asked for.
-    fn sums(&self, volume: &Volume) -> (u64, [u64; MASK_COUNT], [f64; MASK_COUNT]) {
-        let product = |sums: Sums| (sums.windows, sums.values, sums.moments());
-        match self.variant {
-            // Many files keep the cores busy by themselves; one file is shared by them.
-            Variant::Exact if self.files.len() > 1 => product(hlac::extract(volume).total()),
-            Variant::Exact => product(hlac::extract_parallel(volume).total()),
-            Variant::Sampled => product(hlac::extract_sampled(volume, self.windows, self.seed)),
-            Variant::HitSum => {
-                let sums = hlac::extract_hit_sum(volume);
-                (sums.windows, sums.values, sums.moments())
-            }
+    /// What takes the slabs of a volume too large to be read whole.
+    fn slabs<'a>(&self, shape: Shape, region: Option<&'a Volume>) -> Result<Slabs<'a>, ExtractError> {
+        let Some(region) = region else {
+            return Ok(Slabs::All(SlabExtractor::spaced(shape, self.spacing)?.workers(self.workers())));
+        };
+        if region.shape() != shape || region.channels() != 1 {
+            return Err(ExtractError::Region { volume: shape, region: region.shape(), channels: region.channels() });
         }
+        let extractor = RegionSlabExtractor::spaced(shape, self.spacing)?.workers(self.workers());
+        Ok(Slabs::Within { extractor, region, windows: windows(shape, self.spacing) })
     }
 
     fn print(
@@ -200,11 +308,65 @@ impl Extract {
     }
 }
 
+/// The sums of slabs, of the whole volume or within a region.
+enum Slabs<'a> {
+    All(SlabExtractor),
+    Within { extractor: RegionSlabExtractor, region: &'a Volume, windows: u64 },
+}
+
+impl Slabs<'_> {
+    /// Takes the next planes, of which `first` is the Z of the first.
+    fn push(&mut self, first: usize, planes: &[u8]) -> Result<(), ExtractError> {
+        match self {
+            Self::All(extractor) => extractor.push(planes),
+            Self::Within { extractor, region, .. } => {
+                let start = first * region.shape()[1] * region.shape()[2];
+                extractor.push(planes, region.voxels().get(start..start + planes.len()).unwrap_or_default())
+            }
+        }
+    }
+
+    fn finish(self) -> Result<Answer, ExtractError> {
+        Ok(match self {
+            Self::All(extractor) => Answer::of(&extractor.finish()?.total()),
+            Self::Within { extractor, windows, .. } => Answer::within(&extractor.finish()?.total(), windows),
+        })
+    }
+}
+
+/// The number of windows of a volume.
+fn windows(shape: Shape, spacing: Spacing) -> u64 {
+    shape.iter().map(|&side| side.saturating_sub(2 * spacing.voxels()) as u64).product()
+}
+
+impl Extracted {
+    fn new(path: &Path, shape: Shape, channels: usize, elapsed: Duration, answer: &Answer) -> Self {
+        Self {
+            path: volume::display_path(path),
+            shape,
+            channels,
+            windows: answer.windows,
+            elapsed_us: elapsed.as_micros() as u64,
+            sums: answer.sums.to_vec(),
+            moments: answer.moments.to_vec(),
+            counts: answer.counts.map(|counts| counts.to_vec()),
+        }
+    }
+}
+
 fn print_values(context: &mut Context, file: &Extracted) -> Result<(), Failure> {
     writeln!(context.out(), "\n{}", file.path)?;
-    let mut table = Table::new([("mask", Align::Left), ("sum", Align::Right), ("moment", Align::Left)]);
-    for ((mask, sum), moment) in MASKS.iter().zip(&file.sums).zip(&file.moments) {
-        table.row([mask.letters(), sum.to_string(), format!("{moment:.9}")]);
+    let Some(counts) = &file.counts else {
+        let mut table = Table::new([("mask", Align::Left), ("sum", Align::Right), ("moment", Align::Left)]);
+        for ((mask, sum), moment) in MASKS.iter().zip(&file.sums).zip(&file.moments) {
+            table.row([mask.letters(), sum.to_string(), format!("{moment:.9}")]);
+        }
+        return Ok(table.write(context.out())?);
+    };
+    let mut table =
+        Table::new([("mask", Align::Left), ("windows", Align::Right), ("sum", Align::Right), ("moment", Align::Left)]);
+    for (((mask, count), sum), moment) in MASKS.iter().zip(counts).zip(&file.sums).zip(&file.moments) {
+        table.row([mask.letters(), count.to_string(), sum.to_string(), format!("{moment:.9}")]);
     }
     Ok(table.write(context.out())?)
 }

@@ -10,7 +10,7 @@ use hlacdb::volume::{Endian, Intensity, RawLayout, RawTypeError, ReadOptions, Sa
 #[command(next_help_heading = "Reading files")]
 pub(crate) struct ReadArguments {
     /// How samples deeper than 8 bits become 256 levels: `full` (lowest to highest sample), `auto` (the 0.1 to 99.9
-    /// percentile range) or a window `LO..HI`; u8 is taken as it is
+    /// percentile range), a window `LO..HI` or `nonzero` (0 stays 0, all else becomes 255); u8 is taken as it is
     #[arg(long, value_name = "RULE", default_value = "full", allow_hyphen_values = true)]
     intensity: Intensity,
 

@@ -1,10 +1,8 @@
 //! [`Extraction`]: the exact sums with options: spacing, a region, several threads.
 
-use std::borrow::Cow;
-
+use super::OctantSums;
 use super::kernel::{self, Slab};
-use super::sums::{MaskedSums, RegionSums};
-use super::{MASKS, OctantSums};
+use super::sums::RegionSums;
 use crate::volume::{Shape, Volume};
 
 /// How far apart the cells of a window are, in voxels: the window is a cube of 3, 5 or 9 voxels a side.
@@ -30,6 +28,15 @@ impl Spacing {
             Self::Two => 2,
             Self::Four => 4,
         }
+    }
+
+    /// That a window fits.
+    pub(super) fn check(self, shape: Shape) -> Result<(), ExtractError> {
+        let needed = 2 * self.voxels() + 1;
+        if shape.iter().any(|&side| side < needed) {
+            return Err(ExtractError::TooSmall { shape, spacing: self.voxels(), needed });
+        }
+        Ok(())
     }
 }
 
@@ -80,7 +87,7 @@ impl Extraction {
     /// # Errors
     /// [`ExtractError::TooSmall`] where no window of this spacing fits.
     pub fn sums(&self, volume: &Volume) -> Result<OctantSums, ExtractError> {
-        self.check(volume.shape())?;
+        self.spacing.check(volume.shape())?;
         let grey = volume.luma();
         Ok(self.run(grey.shape(), grey.voxels()))
     }
@@ -93,7 +100,7 @@ impl Extraction {
     /// # Errors
     /// [`ExtractError::TooSmall`], [`ExtractError::Region`].
     pub fn sums_in(&self, volume: &Volume, region: &Volume) -> Result<RegionSums, ExtractError> {
-        self.check(volume.shape())?;
+        self.spacing.check(volume.shape())?;
         if region.shape() != volume.shape() || region.channels() != 1 {
             return Err(ExtractError::Region {
                 volume: volume.shape(),
@@ -101,29 +108,9 @@ impl Extraction {
                 channels: region.channels(),
             });
         }
-        // A product with a cell outside is 0, so the sums are those of the volume with everything outside set to 0; and
-        // the counts are the sums of the region itself, with 1 for inside.
-        let inside = |(&voxel, &inside): (&u8, &u8)| if inside == 0 { 0 } else { voxel };
         let grey = volume.luma();
-        let masked: Cow<'_, [u8]> = grey.voxels().iter().zip(region.voxels()).map(inside).collect();
-        let values = self.run(grey.shape(), &masked);
-        let region: Vec<u8> = region.voxels().iter().map(|&voxel| if voxel == 0 { 0 } else { 255 }).collect();
-        let hits = self.run(grey.shape(), &region);
-        Ok(RegionSums(Box::new(std::array::from_fn(|octant| {
-            let mut windows = hits.0[octant].values;
-            for (count, mask) in windows.iter_mut().zip(&MASKS) {
-                *count /= 255_u64.pow(mask.order() as u32);
-            }
-            MaskedSums { windows, values: values.0[octant].values }
-        }))))
-    }
-
-    fn check(&self, shape: Shape) -> Result<(), ExtractError> {
-        let needed = 2 * self.spacing.voxels() + 1;
-        if shape.iter().any(|&side| side < needed) {
-            return Err(ExtractError::TooSmall { shape, spacing: self.spacing.voxels(), needed });
-        }
-        Ok(())
+        let (masked, inside) = within(grey.voxels(), region.voxels());
+        Ok(RegionSums::of(&self.run(grey.shape(), &masked), &self.run(grey.shape(), &inside)))
     }
 
     fn run(&self, shape: Shape, voxels: &[u8]) -> OctantSums {
@@ -133,6 +120,15 @@ impl Extraction {
             Workers::Pool => kernel::sums_in_pool(&slab),
         }
     }
+}
+
+/// The voxels of a region with everything outside set to 0, and the region itself as 0 and 255.
+///
+/// A product with a cell outside is 0, so the sums within the region are those of the first; and the windows that count
+/// are the sums of the second, with 1 for 255.
+pub(super) fn within(voxels: &[u8], region: &[u8]) -> (Vec<u8>, Vec<u8>) {
+    let inside: Vec<u8> = region.iter().map(|&voxel| if voxel == 0 { 0 } else { 255 }).collect();
+    (voxels.iter().zip(&inside).map(|(voxel, inside)| voxel & inside).collect(), inside)
 }
 
 /// Why there are no sums.

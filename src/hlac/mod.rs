@@ -23,7 +23,7 @@ pub use extraction::{ExtractError, Extraction, Spacing, Workers};
 pub use hit_sum::{HitSums, extract_hit_sum};
 pub use masks::{MASK_COUNT, MASKS, Mask};
 pub use sampled::extract_sampled;
-pub use slabs::SlabExtractor;
+pub use slabs::{RegionSlabExtractor, SlabExtractor};
 pub use sums::{MaskedSums, OctantSums, RegionSums, Sums};
 pub use views::{View, describe};
 

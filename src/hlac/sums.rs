@@ -121,6 +121,17 @@ impl MaskedSums {
 pub struct RegionSums(pub Box<[MaskedSums; 8]>);
 
 impl RegionSums {
+    /// Out of the sums of the voxels with everything outside set to 0, and those of the region as 0 and 255.
+    pub(super) fn of(values: &OctantSums, inside: &OctantSums) -> Self {
+        Self(Box::new(std::array::from_fn(|octant| {
+            let mut windows = inside.0[octant].values;
+            for (count, mask) in windows.iter_mut().zip(&MASKS) {
+                *count /= 255_u64.pow(mask.order() as u32);
+            }
+            MaskedSums { windows, values: values.0[octant].values }
+        })))
+    }
+
     /// The sums of the whole region.
     pub fn total(&self) -> MaskedSums {
         let mut total = MaskedSums { windows: [0; MASK_COUNT], values: [0; MASK_COUNT] };

@@ -36,22 +36,48 @@ pub(super) fn open(path: &Path) -> Result<File, VolumeError> {
 }
 
 /// Exactly `expected` bytes. `what` names their encoding in an error, e.g. `the gzip data`.
-pub(super) fn exactly(mut reader: impl Read, expected: u64, what: &'static str) -> Result<Vec<u8>, VolumeError> {
+pub(super) fn exactly(reader: impl Read, expected: u64, what: &'static str) -> Result<Vec<u8>, VolumeError> {
     let mut bytes = Vec::new();
-    while (bytes.len() as u64) < expected {
-        let found = bytes.len() as u64;
-        // Doubling, so that the bytes are moved few times, but never beyond the promise.
-        let more = (expected - found).min(found.max(AHEAD));
-        reserve(&mut bytes, more)?;
-        let result = reader.by_ref().take(more).read_to_end(&mut bytes);
-        match result.map_err(|source| failed(source, what, expected, bytes.len() as u64))? {
-            0 => return Err(VolumeError::Truncated { expected, found }),
-            _ => continue,
-        }
-    }
-    let beyond = reader.take(1).read_to_end(&mut Vec::new());
-    beyond.map_err(|source| failed(source, what, expected, expected))?;
+    Promised::new(reader, expected, what).read(expected, &mut bytes)?;
     Ok(bytes)
+}
+
+/// A stream of a promised length, which may be read in pieces.
+pub(super) struct Promised<R> {
+    reader: R,
+    expected: u64,
+    found: u64,
+    what: &'static str,
+}
+
+impl<R: Read> Promised<R> {
+    /// `expected` bytes of `reader`. `what` names their encoding in an error, e.g. `the gzip data`.
+    pub(super) fn new(reader: R, expected: u64, what: &'static str) -> Self {
+        Self { reader, expected, found: 0, what }
+    }
+
+    /// Appends the next `count` bytes, which must not go beyond the promise. With the last of them the decoder has
+    /// checked what it can check.
+    pub(super) fn read(&mut self, count: u64, bytes: &mut Vec<u8>) -> Result<(), VolumeError> {
+        let end = self.found.saturating_add(count);
+        while self.found < end {
+            // Doubling, so that the bytes are moved few times, but never beyond the promise.
+            let more = (end - self.found).min((bytes.len() as u64).max(AHEAD));
+            reserve(bytes, more)?;
+            let before = bytes.len();
+            let result = self.reader.by_ref().take(more).read_to_end(bytes);
+            self.found += (bytes.len() - before) as u64;
+            match result.map_err(|source| failed(source, self.what, self.expected, self.found))? {
+                0 => return Err(VolumeError::Truncated { expected: self.expected, found: self.found }),
+                _ => continue,
+            }
+        }
+        if self.found == self.expected {
+            let beyond = self.reader.by_ref().take(1).read_to_end(&mut Vec::new());
+            beyond.map_err(|source| failed(source, self.what, self.expected, self.found))?;
+        }
+        Ok(())
+    }
 }
 
 /// Memory for `more` bytes, or the error that there is none.

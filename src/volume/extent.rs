@@ -1,8 +1,8 @@
 //! [`Extent`]: where and how a volume's samples lie in a file. Every header comes down to one.
 //!
 //! Reading is in two steps. A format's header parser yields an extent and touches no samples; the extent then loads
-//! them. What wants only part of a volume (slabs of one larger than memory) can take the first step and seek by itself:
-//! with [`Encoding::Raw`], sample (z, y, x, c) begins at byte `start + samples.size() * (z, y, x, c) . axes.strides`.
+//! them: all of them ([`Extent::read`]) or, where the file has them in the order of Z, plane by plane
+//! ([`Extent::planes`]), for volumes larger than memory.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -61,6 +61,18 @@ pub(super) enum Encoding {
     Text,
     /// Bytes as pairs of hexadecimal digits.
     Hex,
+}
+
+impl Encoding {
+    /// The encoded samples as an error names them.
+    fn data(self) -> &'static str {
+        match self {
+            Self::Gzip => "the gzip data",
+            Self::Zlib => "the zlib data",
+            Self::Bzip2 => "the bzip2 data",
+            Self::Raw | Self::Text | Self::Hex => "the data",
+        }
+    }
 }
 
 /// An axis of an array in a file.
@@ -225,8 +237,47 @@ impl Extent {
         Ok((volume, Source { kind: self.kind, samples: self.samples, mapping, spacing: self.spacing }))
     }
 
+    /// Whether every Z-plane is one piece of the file's samples, the planes in order, and the encoding can be followed
+    /// from plane to plane: then [`planes`](Self::planes) gives them.
+    pub(super) fn has_planes(&self) -> bool {
+        let [_, height, width] = self.axes.shape;
+        self.axes.strides[0] == height * width * self.axes.channels
+            && !matches!(self.encoding, Encoding::Text | Encoding::Hex)
+    }
+
+    /// The samples from the first plane on, to be read plane by plane.
+    ///
+    /// # Errors
+    /// [`VolumeError::Truncated`], [`VolumeError::Decode`] and [`VolumeError::Io`] while coming to the first sample.
+    pub(super) fn planes(&self) -> Result<PlaneStream, VolumeError> {
+        let stream = self.stream(decode::open(&self.file)?)?;
+        let stream: Box<dyn Read + Send> = match self.encoding {
+            Encoding::Gzip => Box::new(decode::Members::gzip(stream)),
+            Encoding::Zlib => Box::new(flate2::bufread::ZlibDecoder::new(stream)),
+            Encoding::Bzip2 => Box::new(decode::Members::bzip2(stream)),
+            Encoding::Raw | Encoding::Text | Encoding::Hex => Box::new(stream),
+        };
+        let mut stream = stream;
+        decode::skip(&mut stream, self.skip, self.encoding.data())?;
+        let stream = decode::Promised::new(stream, self.bytes(), self.encoding.data());
+        Ok(PlaneStream { stream, axes: self.axes, size: self.samples.size() })
+    }
+
     /// The decoded bytes, in the file's order.
-    fn load(&self, mut file: File) -> Result<Vec<u8>, VolumeError> {
+    fn load(&self, file: File) -> Result<Vec<u8>, VolumeError> {
+        let stream = self.stream(file)?;
+        match self.encoding {
+            Encoding::Raw => decode::exactly(stream, self.bytes(), self.encoding.data()),
+            Encoding::Gzip => self.decoded(decode::Members::gzip(stream)),
+            Encoding::Zlib => self.decoded(flate2::bufread::ZlibDecoder::new(stream)),
+            Encoding::Bzip2 => self.decoded(decode::Members::bzip2(stream)),
+            Encoding::Text => decode::text(stream, self.axes.count(), self.samples),
+            Encoding::Hex => decode::hex(stream, self.bytes()),
+        }
+    }
+
+    /// The file, standing at the encoded samples.
+    fn stream(&self, mut file: File) -> Result<BufReader<File>, VolumeError> {
         let io = |source| VolumeError::Io { doing: "finding the samples", source };
         let expected = self.bytes();
         let length = file.metadata().map_err(io)?.len();
@@ -239,20 +290,33 @@ impl Extent {
             return Err(VolumeError::Truncated { expected, found });
         }
         file.seek(SeekFrom::Start(start.min(length))).map_err(io)?;
-        let stream = BufReader::new(file);
-        match self.encoding {
-            Encoding::Raw => decode::exactly(stream, expected, "the data"),
-            Encoding::Gzip => self.decoded(decode::Members::gzip(stream), "the gzip data"),
-            Encoding::Zlib => self.decoded(flate2::bufread::ZlibDecoder::new(stream), "the zlib data"),
-            Encoding::Bzip2 => self.decoded(decode::Members::bzip2(stream), "the bzip2 data"),
-            Encoding::Text => decode::text(stream, self.axes.count(), self.samples),
-            Encoding::Hex => decode::hex(stream, expected),
-        }
+        Ok(BufReader::new(file))
     }
 
-    fn decoded(&self, mut stream: impl Read, what: &'static str) -> Result<Vec<u8>, VolumeError> {
-        decode::skip(&mut stream, self.skip, what)?;
-        decode::exactly(stream, self.bytes(), what)
+    fn decoded(&self, mut stream: impl Read) -> Result<Vec<u8>, VolumeError> {
+        decode::skip(&mut stream, self.skip, self.encoding.data())?;
+        decode::exactly(stream, self.bytes(), self.encoding.data())
+    }
+}
+
+/// Samples that are read plane by plane.
+pub(super) struct PlaneStream {
+    stream: decode::Promised<Box<dyn Read + Send>>,
+    axes: Axes,
+    size: usize,
+}
+
+impl PlaneStream {
+    /// The samples of the next `count` planes, in the order of [`Samples`]; `buffer` is their memory.
+    ///
+    /// # Errors
+    /// [`VolumeError::Truncated`], [`VolumeError::Decode`] and [`VolumeError::Io`].
+    pub(super) fn next(&mut self, count: usize, mut buffer: Vec<u8>) -> Result<Vec<u8>, VolumeError> {
+        let [_, height, width] = self.axes.shape;
+        let axes = Axes { shape: [count, height, width], ..self.axes };
+        buffer.clear();
+        self.stream.read(axes.count() * self.size as u64, &mut buffer)?;
+        Ok(axes.arrange(buffer, self.size))
     }
 }
 

@@ -9,7 +9,7 @@ use std::str::FromStr;
 /// 0..=255; where `hi == lo` every voxel is 0. For colour, `lo` and `hi` are common to the three channels. (Integers of 64
 /// bits are rounded to the nearest `f64` first.)
 ///
-/// Written as text: `full`, `auto`, or `LO..HI` (`-1000..3000`).
+/// Written as text: `full`, `auto`, `nonzero`, or `LO..HI` (`-1000..3000`).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Intensity {
     /// From the lowest to the highest sample of the volume.
@@ -25,6 +25,9 @@ pub enum Intensity {
         /// The sample that becomes 255.
         hi: f64,
     },
+    /// 0 where a sample is 0 in the file's own units, 255 where it is not: for labels and masks, none of which are lost
+    /// then however small or negative they are. No line: `lo` and `hi` are recorded as 0.
+    NonZero,
 }
 
 /// The rule that was applied and the numbers it came to: what a record keeps so that the levels can be traced back.
@@ -40,7 +43,7 @@ pub struct Mapping {
 
 /// A text that names no intensity rule.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{found}` is no intensity rule: write full, auto, or LO..HI with two finite numbers, LO below HI")]
+#[error("`{found}` is no intensity rule: write full, auto, nonzero, or LO..HI with two finite numbers, LO below HI")]
 pub struct IntensityError {
     /// The text.
     pub found: String,
@@ -58,6 +61,7 @@ impl FromStr for Intensity {
         match text {
             "full" => Ok(Self::Full),
             "auto" => Ok(Self::Auto),
+            "nonzero" => Ok(Self::NonZero),
             _ => window().ok_or_else(|| IntensityError { found: text.into() }),
         }
     }
@@ -69,6 +73,7 @@ impl fmt::Display for Intensity {
             Self::Full => f.write_str("full"),
             Self::Auto => f.write_str("auto"),
             Self::Window { lo, hi } => write!(f, "{lo}..{hi}"),
+            Self::NonZero => f.write_str("nonzero"),
         }
     }
 }
@@ -79,7 +84,7 @@ mod tests {
 
     #[test]
     fn rules_are_written_as_they_are_read() {
-        for text in ["full", "auto", "0..1", "-1000..3000.5", "-2..-1", "0.5..0.75"] {
+        for text in ["full", "auto", "nonzero", "0..1", "-1000..3000.5", "-2..-1", "0.5..0.75"] {
             assert_eq!(text.parse::<Intensity>().unwrap().to_string(), text);
         }
         assert_eq!("1e3..2e3".parse(), Ok(Intensity::Window { lo: 1000.0, hi: 2000.0 }));

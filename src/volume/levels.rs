@@ -1,8 +1,10 @@
 //! From deep samples to 256 levels, in place.
 //!
 //! The bytes are never widened: the range is found and the levels are written by passing over the bytes as they are
-//! stored, whatever their type. A *key* is a whole number that orders as the samples of a type do; ranges and ranks are
+//! stored, whatever their type, all at once or piece by piece ([`Passes`]) where a volume is larger than memory. A *key* is a whole number that orders as the samples of a type do; ranges and ranks are
 //! found among keys, so that one selection serves integers and floats.
+
+use std::marker::PhantomData;
 
 use half::f16;
 
@@ -39,7 +41,7 @@ impl Scaling {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct NotFinite {
     /// How many samples come before it.
-    pub(super) index: usize,
+    pub(super) index: u64,
     pub(super) value: f64,
 }
 
@@ -51,43 +53,191 @@ pub(super) fn write(
     intensity: Intensity,
     scaling: Scaling,
 ) -> Result<Option<Mapping>, NotFinite> {
-    let write = match ty {
-        SampleType::U8 => return Ok(None),
-        SampleType::I8 => write_typed::<i8, 1>,
-        SampleType::U16 => write_typed::<u16, 2>,
-        SampleType::I16 => write_typed::<i16, 2>,
-        SampleType::U32 => write_typed::<u32, 4>,
-        SampleType::I32 => write_typed::<i32, 4>,
-        SampleType::U64 => write_typed::<u64, 8>,
-        SampleType::I64 => write_typed::<i64, 8>,
-        SampleType::F16 => write_typed::<f16, 2>,
-        SampleType::F32 => write_typed::<f32, 4>,
-        SampleType::F64 => write_typed::<f64, 8>,
-    };
-    write(bytes, endian, intensity, scaling).map(Some)
+    let samples = bytes.len() / ty.size();
+    let Some(mut passes) = passes(ty, samples as u64, intensity, scaling) else { return Ok(None) };
+    make_little(bytes, ty, endian);
+    while passes.surveys() {
+        passes.survey(bytes, 0)?;
+        passes.end_survey();
+    }
+    passes.write(bytes, 0)?;
+    Ok(Some(passes.mapping()))
 }
 
-fn write_typed<T: Sample<N>, const N: usize>(
-    bytes: &mut Vec<u8>,
-    endian: Endian,
+/// Brings samples into the byte order that [`Passes`] take.
+pub(super) fn make_little(bytes: &mut [u8], ty: SampleType, endian: Endian) {
+    if endian == Endian::Big {
+        match ty.size() {
+            1 => {}
+            2 => bytes.as_chunks_mut::<2>().0.iter_mut().for_each(|bytes| bytes.reverse()),
+            4 => bytes.as_chunks_mut::<4>().0.iter_mut().for_each(|bytes| bytes.reverse()),
+            _ => bytes.as_chunks_mut::<8>().0.iter_mut().for_each(|bytes| bytes.reverse()),
+        }
+    }
+}
+
+/// How the samples of a volume become levels while they pass by in pieces, the whole of them being one piece or many:
+/// as often as [`surveys`](Self::surveys) says so to be looked at, then once to be replaced.
+///
+/// Pieces are little-endian and come in order; `before` is the number of samples that came before a piece.
+pub(super) trait Passes: Send {
+    /// Whether the samples are to pass (once more) before levels can be written.
+    fn surveys(&self) -> bool;
+    /// Looks at the next piece of a survey.
+    fn survey(&mut self, piece: &[u8], before: u64) -> Result<(), NotFinite>;
+    /// Draws the conclusions of a survey that all samples have passed.
+    fn end_survey(&mut self);
+    /// Writes the level of every sample to the front of a piece and cuts off the rest.
+    fn write(&mut self, piece: &mut Vec<u8>, before: u64) -> Result<(), NotFinite>;
+    /// The mapping, once no survey is left.
+    fn mapping(&self) -> Mapping;
+}
+
+/// The passes over `samples` samples of a type; `None` for `u8`, which is taken as it is.
+pub(super) fn passes(ty: SampleType, samples: u64, intensity: Intensity, scaling: Scaling) -> Option<Box<dyn Passes>> {
+    Some(match ty {
+        SampleType::U8 => return None,
+        SampleType::I8 => Box::new(Typed::<i8, 1>::new(samples, intensity, scaling)),
+        SampleType::U16 => Box::new(Typed::<u16, 2>::new(samples, intensity, scaling)),
+        SampleType::I16 => Box::new(Typed::<i16, 2>::new(samples, intensity, scaling)),
+        SampleType::U32 => Box::new(Typed::<u32, 4>::new(samples, intensity, scaling)),
+        SampleType::I32 => Box::new(Typed::<i32, 4>::new(samples, intensity, scaling)),
+        SampleType::U64 => Box::new(Typed::<u64, 8>::new(samples, intensity, scaling)),
+        SampleType::I64 => Box::new(Typed::<i64, 8>::new(samples, intensity, scaling)),
+        SampleType::F16 => Box::new(Typed::<f16, 2>::new(samples, intensity, scaling)),
+        SampleType::F32 => Box::new(Typed::<f32, 4>::new(samples, intensity, scaling)),
+        SampleType::F64 => Box::new(Typed::<f64, 8>::new(samples, intensity, scaling)),
+    })
+}
+
+/// [`Passes`] over samples of one type.
+struct Typed<T, const N: usize> {
     intensity: Intensity,
     scaling: Scaling,
-) -> Result<Mapping, NotFinite> {
-    if endian == Endian::Big {
-        bytes.as_chunks_mut::<N>().0.iter_mut().for_each(|bytes| bytes.reverse());
-    }
-    let range = range::<T, N>(bytes)?;
-    let (low, high) = if intensity == Intensity::Auto { percentiles::<T, N>(bytes) } else { range };
-    // The range in stored samples, the recorded one in units.
-    let ((from, to), (lo, hi)) = match intensity {
-        Intensity::Window { lo, hi } => ((scaling.stored(lo), scaling.stored(hi)), (lo, hi)),
-        Intensity::Full | Intensity::Auto => {
-            let (from, to) = if scaling.slope > 0.0 { (low, high) } else { (high, low) };
-            ((from, to), (scaling.unit(from), scaling.unit(to)))
+    samples: u64,
+    /// Whether a pass has found every sample finite.
+    finite: bool,
+    stage: Stage,
+    of: PhantomData<T>,
+}
+
+/// What the next pass is for.
+enum Stage {
+    /// Finding the lowest and the highest key.
+    Range { low: u64, high: u64 },
+    /// Finding the keys at two ranks.
+    Ranks([Selection; 2]),
+    /// Writing.
+    Levels { levels: Levels, table: Vec<u8>, mapping: Mapping },
+}
+
+impl<T: Sample<N>, const N: usize> Typed<T, N> {
+    fn new(samples: u64, intensity: Intensity, scaling: Scaling) -> Self {
+        let of = PhantomData;
+        let mut passes =
+            Self { intensity, scaling, samples, finite: false, stage: Stage::Range { low: u64::MAX, high: 0 }, of };
+        match intensity {
+            Intensity::Full => {}
+            Intensity::Auto => {
+                let rank = |thousandths: u128| (u128::from(samples) * thousandths).div_ceil(1000) as u64;
+                passes.stage = Stage::Ranks([1, 999].map(|thousandths| Selection::new(rank(thousandths), N)));
+            }
+            Intensity::Window { lo, hi } => {
+                passes.settle(Levels::new(scaling.stored(lo), scaling.stored(hi)), lo, hi);
+            }
+            Intensity::NonZero => passes.settle(Levels::NonZero(scaling), 0.0, 0.0),
         }
-    };
-    replace::<T, N>(bytes, &Levels::new(from, to));
-    Ok(Mapping { rule: intensity, lo, hi })
+        passes
+    }
+
+    /// Levels from the stored samples `low` to `high`.
+    fn settle_between(&mut self, low: u64, high: u64) {
+        let (low, high) = (T::of_key(low), T::of_key(high));
+        let (from, to) = if self.scaling.slope > 0.0 { (low, high) } else { (high, low) };
+        self.settle(Levels::new(from, to), self.scaling.unit(from), self.scaling.unit(to));
+    }
+
+    /// Of few possible samples each is mapped once: a division per sample is what costs.
+    fn settle(&mut self, levels: Levels, lo: f64, hi: f64) {
+        let table = if N <= 2 && self.samples >= 1 << 16 {
+            (0..1_u64 << (8 * N)).map(|key| levels.of(T::of_key(key))).collect()
+        } else {
+            Vec::new()
+        };
+        self.stage = Stage::Levels { levels, table, mapping: Mapping { rule: self.intensity, lo, hi } };
+    }
+
+    /// That every sample of a piece is finite, unless a pass before has found so.
+    fn check(&self, piece: &[u8], before: u64) -> Result<(), NotFinite> {
+        if self.finite || samples::<T, N>(piece).fold(true, |finite, sample| finite & sample.is_finite()) {
+            return Ok(());
+        }
+        match samples::<T, N>(piece).enumerate().find(|(_, sample)| !sample.is_finite()) {
+            Some((index, sample)) => Err(NotFinite { index: before + index as u64, value: T::of_key(sample.key()) }),
+            None => Ok(()),
+        }
+    }
+}
+
+impl<T: Sample<N>, const N: usize> Passes for Typed<T, N> {
+    fn surveys(&self) -> bool {
+        !matches!(self.stage, Stage::Levels { .. })
+    }
+
+    fn survey(&mut self, piece: &[u8], before: u64) -> Result<(), NotFinite> {
+        self.check(piece, before)?;
+        match &mut self.stage {
+            Stage::Range { low, high } => {
+                for key in samples::<T, N>(piece).map(Sample::key) {
+                    (*low, *high) = ((*low).min(key), (*high).max(key));
+                }
+            }
+            Stage::Ranks([low, high]) => {
+                low.count(samples::<T, N>(piece).map(Sample::key));
+                high.count(samples::<T, N>(piece).map(Sample::key));
+            }
+            Stage::Levels { .. } => {}
+        }
+        Ok(())
+    }
+
+    fn end_survey(&mut self) {
+        self.finite = true;
+        match &mut self.stage {
+            Stage::Range { low, high } => {
+                let (low, high) = (*low, *high);
+                self.settle_between(low, high);
+            }
+            Stage::Ranks([low, high]) => {
+                if let (Some(low), Some(high)) = (low.narrow(), high.narrow()) {
+                    self.settle_between(low, high);
+                }
+            }
+            Stage::Levels { .. } => {}
+        }
+    }
+
+    /// In place: sample `i` begins at byte `i * N`, which is not before byte `i`, where its level goes.
+    fn write(&mut self, piece: &mut Vec<u8>, before: u64) -> Result<(), NotFinite> {
+        self.check(piece, before)?;
+        let Stage::Levels { levels, table, .. } = &self.stage else { return Ok(()) };
+        let count = piece.len() / N;
+        for index in 0..count {
+            let Some(&sample) = piece[index * N..].first_chunk::<N>() else { break };
+            let key = T::from_le(sample).key();
+            let level = table.get(key as usize).copied();
+            piece[index] = level.unwrap_or_else(|| levels.of(T::of_key(key)));
+        }
+        piece.truncate(count);
+        Ok(())
+    }
+
+    fn mapping(&self) -> Mapping {
+        match &self.stage {
+            Stage::Levels { mapping, .. } => *mapping,
+            _ => Mapping { rule: self.intensity, lo: 0.0, hi: 0.0 },
+        }
+    }
 }
 
 /// The samples of little-endian bytes.
@@ -95,103 +245,97 @@ fn samples<T: Sample<N>, const N: usize>(bytes: &[u8]) -> impl Iterator<Item = T
     bytes.as_chunks::<N>().0.iter().map(|&bytes| T::from_le(bytes))
 }
 
-/// The lowest and the highest sample, all of them having been found finite.
-fn range<T: Sample<N>, const N: usize>(bytes: &[u8]) -> Result<(f64, f64), NotFinite> {
-    let (mut low, mut high, mut finite) = (u64::MAX, 0, true);
-    for sample in samples::<T, N>(bytes) {
-        let key = sample.key();
-        (low, high) = (low.min(key), high.max(key));
-        finite &= sample.is_finite();
-    }
-    match samples::<T, N>(bytes).enumerate().find(|(_, sample)| !finite && !sample.is_finite()) {
-        Some((index, sample)) => Err(NotFinite { index, value: T::of_key(sample.key()) }),
-        None => Ok((T::of_key(low), T::of_key(high))),
-    }
-}
-
-/// The samples at the ranks that [`Intensity::Auto`] names.
-fn percentiles<T: Sample<N>, const N: usize>(bytes: &[u8]) -> (f64, f64) {
-    let count = (bytes.len() / N) as u128;
-    let [low, high] = [1, 999].map(|thousandths| (count * thousandths).div_ceil(1000) as u64);
-    (T::of_key(ranked::<T, N>(bytes, low)), T::of_key(ranked::<T, N>(bytes, high)))
-}
-
 /// The key of the sample at a rank, counted from 1.
 ///
-/// Radix selection: keys are counted by 16 bits at a time, from the highest. That is one pass over the bytes for every 16
-/// bits of a sample and 65 536 counters of memory, whatever the volume's size.
-fn ranked<T: Sample<N>, const N: usize>(bytes: &[u8], mut rank: u64) -> u64 {
+/// Radix selection: keys are counted by 16 bits at a time, from the highest. That is one pass over the samples for every
+/// 16 bits of one and 65 536 counters of memory, whatever the volume's size.
+struct Selection {
+    /// The rank among the keys that begin with `prefix`.
+    rank: u64,
+    /// The bits that are known.
+    prefix: u64,
+    /// How many bits come after the prefix; a multiple of [`DIGIT`](Self::DIGIT).
+    below: u32,
+    counts: Vec<u64>,
+}
+
+impl Selection {
     const DIGIT: u32 = 16;
-    let mut counts = vec![0_u64; 1 << DIGIT];
-    let mut prefix = 0;
-    let mut shift = (8 * N as u32).next_multiple_of(DIGIT);
-    while shift > 0 {
-        let above = shift;
-        shift -= DIGIT;
-        counts.fill(0);
-        for key in samples::<T, N>(bytes).map(Sample::key) {
+
+    /// At `rank` among keys of `size` bytes.
+    fn new(rank: u64, size: usize) -> Self {
+        let below = (8 * size as u32).next_multiple_of(Self::DIGIT);
+        Self { rank, prefix: 0, below, counts: vec![0; 1 << Self::DIGIT] }
+    }
+
+    fn count(&mut self, keys: impl Iterator<Item = u64>) {
+        let (prefix, above, shift) = (self.prefix, self.below, self.below - Self::DIGIT);
+        for key in keys {
             if key.checked_shr(above).unwrap_or(0) == prefix {
-                counts[(key >> shift) as usize & ((1 << DIGIT) - 1)] += 1;
+                self.counts[(key >> shift) as usize & ((1 << Self::DIGIT) - 1)] += 1;
             }
         }
+    }
+
+    /// Takes in a pass over all samples; the key, once all of its bits are known.
+    fn narrow(&mut self) -> Option<u64> {
         let mut digit = 0;
-        for (value, &count) in (0..).zip(&counts) {
+        for (value, &count) in (0..).zip(&self.counts) {
             digit = value;
-            if rank <= count {
+            if self.rank <= count {
                 break;
             }
-            rank -= count;
+            self.rank -= count;
         }
-        prefix = prefix << DIGIT | digit;
+        self.prefix = self.prefix << Self::DIGIT | digit;
+        self.below -= Self::DIGIT;
+        self.counts.fill(0);
+        (self.below == 0).then_some(self.prefix)
     }
-    prefix
 }
 
-/// In place: sample `i` begins at byte `i * N`, which is not before byte `i`, where its level goes.
-fn replace<T: Sample<N>, const N: usize>(bytes: &mut Vec<u8>, levels: &Levels) {
-    let count = bytes.len() / N;
-    // Of few possible samples each is mapped once: a division per sample is what costs.
-    let table: Vec<u8> = if N <= 2 && count >= 1 << 16 {
-        (0..1_u64 << (8 * N)).map(|key| levels.of(T::of_key(key))).collect()
-    } else {
-        Vec::new()
-    };
-    for index in 0..count {
-        let Some(&sample) = bytes[index * N..].first_chunk::<N>() else { break };
-        let key = T::from_le(sample).key();
-        let level = table.get(key as usize).copied();
-        bytes[index] = level.unwrap_or_else(|| levels.of(T::of_key(key)));
-    }
-    bytes.truncate(count);
-}
-
-/// The map from stored samples to levels: `lo` becomes 0, `hi` becomes 255 (`hi` may be the lower one).
-struct Levels {
-    lo: f64,
-    range: f64,
-    /// Halves numbers whose difference, times 255, would leave the range of `f64`; else 1.
-    shrink: f64,
+/// The map from stored samples to levels.
+enum Levels {
+    /// `lo` becomes 0, `hi` becomes 255 (`hi` may be the lower one).
+    Line {
+        lo: f64,
+        range: f64,
+        /// Halves numbers whose difference, times 255, would leave the range of `f64`; else 1.
+        shrink: f64,
+    },
+    /// What is 0 in the file's units becomes 0, all else 255.
+    NonZero(Scaling),
 }
 
 impl Levels {
     fn new(lo: f64, hi: f64) -> Self {
         let shrink = if (255.0 * (hi - lo)).is_finite() { 1.0 } else { 1.0 / 1024.0 };
-        Self { lo: lo * shrink, range: hi * shrink - lo * shrink, shrink }
+        Self::Line { lo: lo * shrink, range: hi * shrink - lo * shrink, shrink }
     }
 
     fn of(&self, sample: f64) -> u8 {
-        if self.range == 0.0 {
-            return 0;
+        match *self {
+            Self::NonZero(scaling) => {
+                if scaling.unit(sample) == 0.0 {
+                    0
+                } else {
+                    255
+                }
+            }
+            Self::Line { range: 0.0, .. } => 0,
+            Self::Line { lo, range, shrink } => {
+                let level = (255.0 * (sample * shrink - lo) / range).clamp(0.0, 255.0);
+                // `round`, without the call that it is on processors of the baseline: of numbers from 0 to 255 both
+                // steps are exact.
+                let whole = level as u8;
+                whole + u8::from(level - f64::from(whole) >= 0.5)
+            }
         }
-        let level = (255.0 * (sample * self.shrink - self.lo) / self.range).clamp(0.0, 255.0);
-        // `round`, without the call that it is on processors of the baseline: of numbers from 0 to 255 both steps are exact.
-        let whole = level as u8;
-        whole + u8::from(level - f64::from(whole) >= 0.5)
     }
 }
 
 /// A type of sample of `N` bytes.
-trait Sample<const N: usize>: Copy {
+trait Sample<const N: usize>: Copy + Send + 'static {
     fn from_le(bytes: [u8; N]) -> Self;
     /// A number that orders as the samples do (zeros by their sign), in the low `8 N` bits.
     fn key(self) -> u64;
@@ -291,6 +435,9 @@ mod tests {
             Intensity::Full => (sorted[0], sorted[sorted.len() - 1]),
             Intensity::Auto => (rank(1), rank(999)),
             Intensity::Window { lo, hi } => (lo, hi),
+            Intensity::NonZero => {
+                return (samples.iter().map(|&v| if v == 0.0 { 0 } else { 255 }).collect(), 0.0, 0.0);
+            }
         };
         let level = |v: &f64| if hi == lo { 0 } else { (255.0 * (v - lo) / (hi - lo)).round().clamp(0.0, 255.0) as u8 };
         (samples.iter().map(level).collect(), lo, hi)
@@ -312,7 +459,7 @@ mod tests {
 
     fn rules() -> impl Strategy<Value = Intensity> {
         let window = (-300.0..300.0, 0.1..500.0).prop_map(|(lo, wide)| Intensity::Window { lo, hi: lo + wide });
-        prop_oneof![Just(Intensity::Full), Just(Intensity::Auto), window]
+        prop_oneof![Just(Intensity::Full), Just(Intensity::Auto), Just(Intensity::NonZero), window]
     }
 
     proptest! {
@@ -360,6 +507,19 @@ mod tests {
         assert_eq!(full(&[5e-324, 1e-323], SampleType::F64), [0, 255]);
         assert_eq!(full(&[-0.0, 0.0, -0.0], SampleType::F32), [0, 0, 0]);
         assert_eq!(full(&[9.0; 4], SampleType::U16), [0; 4]);
+    }
+
+    #[test]
+    fn nonzero_loses_no_label_and_is_in_units() {
+        let nonzero = |samples: &[f64], ty, scaling| {
+            let mut bytes = encode(samples, ty, Endian::Little);
+            write(&mut bytes, ty, Endian::Little, Intensity::NonZero, scaling).unwrap();
+            bytes
+        };
+        assert_eq!(nonzero(&[1.0, 0.0, 65_535.0, 2.0], SampleType::U16, Scaling::IDENTITY), [255, 0, 255, 255]);
+        assert_eq!(nonzero(&[-0.0, 5e-324, -1e300, 0.0], SampleType::F64, Scaling::IDENTITY), [0, 255, 255, 0]);
+        let scaling = Scaling::new(2.0, -4.0).unwrap();
+        assert_eq!(nonzero(&[0.0, 2.0, 4.0], SampleType::I32, scaling), [255, 0, 255]);
     }
 
     #[test]

@@ -88,7 +88,7 @@ impl Fields {
 }
 
 /// Where the samples of a MetaImage lie.
-fn extent(path: &Path, options: &ReadOptions) -> Result<Extent, VolumeError> {
+pub(super) fn extent(path: &Path, options: &ReadOptions) -> Result<Extent, VolumeError> {
     let fields = Fields::read(path)?;
     let samples = sample_type(fields.required("ElementType")?)?;
     let axes = axes(&fields, options)?;

@@ -223,7 +223,7 @@ impl Numbers<'_> {
 }
 
 /// Where the samples of a NIfTI file or pair lie.
-fn extent(path: &Path, options: &ReadOptions) -> Result<Extent, VolumeError> {
+pub(super) fn extent(path: &Path, options: &ReadOptions) -> Result<Extent, VolumeError> {
     let header_path = header_of(path)?;
     let bytes = header_bytes(&header_path)?;
     let header = Header::parse(&bytes).ok_or_else(|| VolumeError::Malformed {

@@ -44,10 +44,10 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<(Volume, Source
 }
 
 /// An array whose header has been read.
-struct Array {
-    extent: Extent,
+pub(super) struct Array {
+    pub(super) extent: Extent,
     /// Samples are truth values.
-    truth: bool,
+    pub(super) truth: bool,
 }
 
 impl Array {
@@ -58,13 +58,18 @@ impl Array {
         }
         let (shape, channels) = (volume.shape(), volume.channels());
         let mut voxels = volume.into_voxels();
-        voxels.iter_mut().for_each(|voxel| *voxel = if *voxel == 0 { 0 } else { 255 });
+        black_and_white(&mut voxels);
         Volume::new(shape, channels, voxels)
     }
 }
 
+/// The voxels of truth values.
+pub(super) fn black_and_white(voxels: &mut [u8]) {
+    voxels.iter_mut().for_each(|voxel| *voxel = if *voxel == 0 { 0 } else { 255 });
+}
+
 /// Where the samples of an array lie.
-fn extent(path: &Path, options: &ReadOptions) -> Result<Array, VolumeError> {
+pub(super) fn extent(path: &Path, options: &ReadOptions) -> Result<Array, VolumeError> {
     let mut reader = BufReader::new(decode::open(path)?);
     Header::read(&mut reader)?.array(path, FileKind::Npy, options.max_voxels)
 }

@@ -96,7 +96,7 @@ impl Fields {
 }
 
 /// Where the samples of a NRRD lie.
-fn extent(path: &Path, options: &ReadOptions) -> Result<Extent, VolumeError> {
+pub(super) fn extent(path: &Path, options: &ReadOptions) -> Result<Extent, VolumeError> {
     let fields = Fields::read(path)?;
     let samples = sample_type(required("type", &fields.ty)?)?;
     let encoding = encoding(required("encoding", &fields.encoding)?)?;

@@ -11,7 +11,12 @@ use super::{FileKind, RawLayout, ReadOptions, Source, Volume, VolumeError, decod
 
 /// The volume that a layout finds in a file.
 pub(super) fn read(path: &Path, layout: &RawLayout, options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
-    let extent = extent(path, layout, options)?;
+    extent(path, layout, options)?.read(options)
+}
+
+/// Where a layout finds the samples of a file, all of which it must use up.
+pub(super) fn extent(path: &Path, layout: &RawLayout, options: &ReadOptions) -> Result<Extent, VolumeError> {
+    let extent = laid_out(path, layout, options)?;
     let io = |source| VolumeError::Io { doing: "asking for the length of the file", source };
     let length = decode::open(path)?.metadata().map_err(io)?.len();
     let end = layout.offset.saturating_add(extent.bytes());
@@ -24,10 +29,10 @@ pub(super) fn read(path: &Path, layout: &RawLayout, options: &ReadOptions) -> Re
             ),
         });
     }
-    extent.read(options)
+    Ok(extent)
 }
 
-fn extent(path: &Path, layout: &RawLayout, options: &ReadOptions) -> Result<Extent, VolumeError> {
+fn laid_out(path: &Path, layout: &RawLayout, options: &ReadOptions) -> Result<Extent, VolumeError> {
     let mut axes = dense(layout.shape.iter().rev().map(|&side| side as u64));
     axes.reverse();
     Ok(Extent {

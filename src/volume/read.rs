@@ -3,7 +3,8 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::{FileKind, ReadError, ReadOptions, Source, Volume, VolumeError};
+use super::planes::Planes;
+use super::{FileKind, RawLayout, ReadError, ReadOptions, Source, Volume, VolumeError};
 use super::{decode, metaimage, nifti, npy, nrrd, raw, slices, tiff, vox};
 
 /// The bytes from the start of a file by which its kind is told.
@@ -53,23 +54,59 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), Read
 }
 
 fn read_any(path: &Path, options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
+    match find(path, options)? {
+        Found::Slices => slices::read(path, options),
+        Found::Bare(layout) => raw::read(path, &layout, options),
+        Found::File(reader) => (reader.read)(path, options),
+    }
+}
+
+/// What a path was found to be.
+enum Found {
+    Slices,
+    Bare(RawLayout),
+    File(&'static Reader),
+}
+
+fn find(path: &Path, options: &ReadOptions) -> Result<Found, VolumeError> {
     if path.is_dir() {
-        return slices::read(path, options);
+        return Ok(Found::Slices);
     }
     let head = head(path)?;
     if let Some(layout) = options.raw.filter(|_| named(path, BARE)) {
-        return raw::read(path, &layout, options);
+        return Ok(Found::Bare(layout));
     }
     let by_content = READERS.iter().find(|reader| (reader.sniff)(&head));
     let by_name = || READERS.iter().find(|reader| named(path, reader.endings));
     match (by_content.or_else(by_name), options.raw) {
         (Some(reader), _) => {
             tracing::debug!(kind = reader.kind.name(), path = %path.display(), "reading");
-            (reader.read)(path, options)
+            Ok(Found::File(reader))
         }
-        (None, Some(layout)) => raw::read(path, &layout, options),
+        (None, Some(layout)) => Ok(Found::Bare(layout)),
         (None, None) => Err(VolumeError::UnknownKind { start: printable(&head), known: KNOWN }),
     }
+}
+
+/// What a path holds for reading it plane by plane, its header read and checked; `None` where the file does not have its
+/// samples in the order of Z, or in an encoding that is only read whole.
+pub(super) fn planes(path: &Path, options: &ReadOptions) -> Result<Option<Planes>, VolumeError> {
+    let kind = match find(path, options)? {
+        Found::Slices => return Ok(Some(Planes::Slices(slices::Stack::open(path, options)?))),
+        Found::Bare(layout) => return Ok(Planes::of_extent(raw::extent(path, &layout, options)?, false)),
+        Found::File(reader) => reader.kind,
+    };
+    Ok(match kind {
+        FileKind::Npy => {
+            let array = npy::extent(path, options)?;
+            Planes::of_extent(array.extent, array.truth)
+        }
+        FileKind::Nrrd => Planes::of_extent(nrrd::extent(path, options)?, false),
+        FileKind::MetaImage => Planes::of_extent(metaimage::extent(path, options)?, false),
+        FileKind::Nifti => Planes::of_extent(nifti::extent(path, options)?, false),
+        FileKind::Tiff => Some(Planes::Tiff(Box::new(tiff::Pages::open(path, options)?))),
+        _ => None,
+    })
 }
 
 /// The first bytes of a file, fewer where it is shorter.

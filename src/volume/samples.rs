@@ -169,32 +169,33 @@ impl Samples {
         if expected != self.bytes.len() as u128 {
             return Err(VolumeError::Length { expected, found: self.bytes.len() as u64 });
         }
-        self.drop_alpha();
+        if self.channels == 4 {
+            drop_alpha(&mut self.bytes, self.ty);
+        }
         let mapping = levels::write(&mut self.bytes, self.ty, self.endian, intensity, scaling);
-        let mapping = mapping.map_err(|bad| self.not_finite(bad))?;
+        let mapping = mapping.map_err(|bad| not_finite(bad, self.shape, kept))?;
         self.bytes.shrink_to_fit();
         Ok((Volume::new(self.shape, kept, self.bytes)?, mapping))
     }
+}
 
-    /// Moves the colours of RGBA samples together, in place.
-    fn drop_alpha(&mut self) {
-        if self.channels != 4 {
-            return;
-        }
-        let (from, to) = (4 * self.ty.size(), 3 * self.ty.size());
-        let voxels = self.bytes.len() / from;
-        for voxel in 0..voxels {
-            self.bytes.copy_within(voxel * from..voxel * from + to, voxel * to);
-        }
-        self.bytes.truncate(voxels * to);
-        self.channels = 3;
+/// Moves the colours of RGBA samples together, in place.
+pub(super) fn drop_alpha(bytes: &mut Vec<u8>, ty: SampleType) {
+    let (from, to) = (4 * ty.size(), 3 * ty.size());
+    let voxels = bytes.len() / from;
+    for voxel in 0..voxels {
+        bytes.copy_within(voxel * from..voxel * from + to, voxel * to);
     }
+    bytes.truncate(voxels * to);
+}
 
-    /// The error of a bad sample, by the voxel it belongs to.
-    fn not_finite(&self, levels::NotFinite { index, value }: levels::NotFinite) -> VolumeError {
-        let voxel = index / self.channels;
-        let [_, height, width] = self.shape;
-        VolumeError::NotFinite { value, position: [voxel / width / height, voxel / width % height, voxel % width] }
+/// The error of a bad sample of a volume, by the voxel it belongs to.
+pub(super) fn not_finite(bad: levels::NotFinite, shape: Shape, channels: usize) -> VolumeError {
+    let voxel = (bad.index / channels as u64) as usize;
+    let [_, height, width] = shape;
+    VolumeError::NotFinite {
+        value: bad.value,
+        position: [voxel / width / height, voxel / width % height, voxel % width],
     }
 }
 

@@ -17,7 +17,7 @@ use image::{ColorType, ImageDecoder, ImageReader};
 use super::picture::{Format, credible};
 use super::samples::{Endian, SampleType, Samples};
 use super::tiff::{self, SinglePage};
-use super::{FileKind, MIN_SIDE, ReadOptions, Source, Volume, VolumeError, decode, natural_cmp};
+use super::{FileKind, MIN_SIDE, ReadOptions, Shape, Source, Volume, VolumeError, decode, natural_cmp};
 
 /// Ends of the names of pictures that have one page by their nature.
 const PICTURES: &[&str] = &["png", "jpg", "jpeg"];
@@ -48,33 +48,77 @@ pub(super) fn of_folder(folder: &Path) -> io::Result<Vec<PathBuf>> {
 
 /// The volume in a folder of slices.
 pub(super) fn read(folder: &Path, options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
-    let paths = of_folder(folder).map_err(|source| VolumeError::Io { doing: "listing the folder", source })?;
-    let first = match paths.as_slice() {
-        [first, ..] if paths.len() >= MIN_SIDE => first,
-        _ => {
-            return Err(VolumeError::Malformed {
-                found: format!("the folder holds {} slices", paths.len()),
-                expected: format!("a stack has at least {MIN_SIDE} PNG, JPEG or single-page TIFF files of one size"),
-            });
-        }
-    };
-    let format = Slice::open(first)?.format;
-    format.within(paths.len() as u64, options.max_voxels)?;
+    let mut stack = Stack::open(folder, options)?;
     let mut bytes = Vec::new();
-    for path in &paths {
-        let slice = Slice::open(path)?;
-        if slice.format != format {
-            return Err(VolumeError::Malformed {
-                found: format!("the slice {} has {}", name(path), slice.format),
-                expected: format!("the first, {}, has {format}: all slices of a volume are alike", name(first)),
-            });
-        }
-        slice.decode(path, &mut bytes)?;
-    }
-    let Format { height, width, channels, ty } = format;
-    let samples = Samples { shape: [paths.len(), height, width], channels, ty, endian: Endian::NATIVE, bytes };
+    stack.next(stack.paths.len(), &mut bytes)?;
+    let Format { channels, ty, .. } = stack.format;
+    let samples = Samples { shape: stack.shape(), channels, ty, endian: Endian::NATIVE, bytes };
     let (volume, mapping) = samples.into_volume(options.intensity)?;
     Ok((volume, Source { kind: FileKind::Slices, samples: ty, mapping, spacing: None }))
+}
+
+/// The slices of a folder, read one after the other.
+pub(super) struct Stack {
+    paths: Vec<PathBuf>,
+    /// That of the first slice, which the others must have.
+    format: Format,
+    /// How many slices have been read.
+    read: usize,
+}
+
+impl Stack {
+    /// Lists the folder and reads the header of the first slice.
+    pub(super) fn open(folder: &Path, options: &ReadOptions) -> Result<Self, VolumeError> {
+        let paths = of_folder(folder).map_err(|source| VolumeError::Io { doing: "listing the folder", source })?;
+        let first = match paths.as_slice() {
+            [first, ..] if paths.len() >= MIN_SIDE => first,
+            _ => {
+                return Err(VolumeError::Malformed {
+                    found: format!("the folder holds {} slices", paths.len()),
+                    expected: format!(
+                        "a stack has at least {MIN_SIDE} PNG, JPEG or single-page TIFF files of one size"
+                    ),
+                });
+            }
+        };
+        let format = Slice::open(first)?.format;
+        format.within(paths.len() as u64, options.max_voxels)?;
+        Ok(Self { paths, format, read: 0 })
+    }
+
+    pub(super) fn shape(&self) -> Shape {
+        [self.paths.len(), self.format.height, self.format.width]
+    }
+
+    pub(super) fn format(&self) -> Format {
+        self.format
+    }
+
+    /// Goes back to the first slice.
+    pub(super) fn rewind(&mut self) {
+        self.read = 0;
+    }
+
+    /// Appends the samples of the next `count` slices in the byte order of this machine.
+    pub(super) fn next(&mut self, count: usize, bytes: &mut Vec<u8>) -> Result<(), VolumeError> {
+        let Some(first) = self.paths.first() else { return Ok(()) };
+        for path in self.paths.iter().skip(self.read).take(count) {
+            let slice = Slice::open(path)?;
+            if slice.format != self.format {
+                return Err(VolumeError::Malformed {
+                    found: format!("the slice {} has {}", name(path), slice.format),
+                    expected: format!(
+                        "the first, {}, has {}: all slices of a volume are alike",
+                        name(first),
+                        self.format
+                    ),
+                });
+            }
+            slice.decode(path, bytes)?;
+            self.read += 1;
+        }
+        Ok(())
+    }
 }
 
 /// One slice whose header has been read.

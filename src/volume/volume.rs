@@ -89,9 +89,7 @@ impl Volume {
         if self.channels == 1 {
             return Cow::Borrowed(self);
         }
-        let luma = |p: &[u8]| (2126 * u32::from(p[0]) + 7152 * u32::from(p[1]) + 722 * u32::from(p[2]) + 5000) / 10_000;
-        let voxels = self.voxels.chunks_exact(3).map(|p| luma(p) as u8).collect();
-        Cow::Owned(Volume { shape: self.shape, channels: 1, voxels })
+        Cow::Owned(Volume { shape: self.shape, channels: 1, voxels: luma(&self.voxels).collect() })
     }
 
     /// The block of the given shape whose first voxel is at `origin`; `None` where it does not lie inside or a side is
@@ -129,6 +127,12 @@ impl Volume {
         hasher.update(&self.voxels);
         *hasher.finalize().as_bytes()
     }
+}
+
+/// The luma of interleaved colours, as [`Volume::luma`] defines it.
+pub(super) fn luma(colours: &[u8]) -> impl Iterator<Item = u8> {
+    let weigh = |&[r, g, b]: &[u8; 3]| (2126 * u32::from(r) + 7152 * u32::from(g) + 722 * u32::from(b) + 5000) / 10_000;
+    colours.as_chunks::<3>().0.iter().map(move |colour| weigh(colour) as u8)
 }
 
 impl std::fmt::Debug for Volume {

@@ -10,6 +10,7 @@ mod program;
 mod real;
 mod reference_sums;
 mod space;
+mod slabs;
 mod store;
 mod support;
 mod synth;

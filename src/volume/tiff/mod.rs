@@ -23,6 +23,7 @@ mod page;
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::Path;
 
 use ::tiff::decoder::{Decoder, Limits};
@@ -33,7 +34,7 @@ use self::ome::Pixels;
 use self::page::{DESCRIPTION, Page, STRIP_BYTES, STRIP_OFFSETS, X_RESOLUTION, Y_RESOLUTION};
 use super::picture::Format;
 use super::samples::{Endian, Samples};
-use super::{FileKind, ReadOptions, Source, Volume, VolumeError, decode};
+use super::{FileKind, ReadOptions, Shape, Source, Volume, VolumeError, decode};
 
 /// Whether a file that begins so is a TIFF file.
 pub(super) fn sniff(head: &[u8]) -> bool {
@@ -83,17 +84,75 @@ impl SinglePage {
     }
 }
 
+/// A TIFF file of several pages, read page by page.
+pub(super) struct Pages {
+    file: File,
+    stack: Stack,
+    /// Where the pages are directories of their own: what unpacks them, and which directory comes next.
+    unpacking: Option<(Decoder<BufReader<File>>, usize)>,
+    /// How many slices have been read.
+    read: u64,
+}
+
+impl Pages {
+    /// Reads the directories and checks them, nothing else.
+    pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Self, VolumeError> {
+        let file = decode::open(path)?;
+        let stack = Stack::scan(&mut BufReader::new(&file))?;
+        stack.check(options)?;
+        Ok(Self { file, stack, unpacking: None, read: 0 })
+    }
+
+    pub(super) fn shape(&self) -> Shape {
+        self.stack.shape()
+    }
+
+    pub(super) fn format(&self) -> Format {
+        self.stack.page.format
+    }
+
+    pub(super) fn spacing(&self) -> Option<[f64; 3]> {
+        self.stack.spacing
+    }
+
+    /// Goes back to the first page.
+    pub(super) fn rewind(&mut self) {
+        self.unpacking = None;
+        self.read = 0;
+    }
+
+    /// Appends the samples of the next `count` slices in the byte order of this machine.
+    pub(super) fn next(&mut self, count: usize, bytes: &mut Vec<u8>) -> Result<(), VolumeError> {
+        let end = self.stack.planes.min(self.read.saturating_add(count as u64));
+        if self.stack.contiguous.is_some() {
+            self.stack.decode_contiguous(&mut BufReader::new(&self.file), self.read..end, bytes)?;
+            self.read = end;
+            return Ok(());
+        }
+        let (mut decoder, mut index) = match self.unpacking.take() {
+            Some(unpacking) => unpacking,
+            None => {
+                let again = |source| VolumeError::Io { doing: "opening the file", source };
+                (self.stack.decoder(BufReader::new(self.file.try_clone().map_err(again)?))?, 0)
+            }
+        };
+        while self.read < end && index < self.stack.slices.len() {
+            self.read += u64::from(self.stack.decode_directory(&mut decoder, index, bytes)?);
+            index += 1;
+        }
+        self.unpacking = Some((decoder, index));
+        Ok(())
+    }
+}
+
 fn open(path: &Path) -> Result<BufReader<File>, VolumeError> {
     Ok(BufReader::new(decode::open(path)?))
 }
 
 fn read_from(reader: &mut (impl Read + Seek), options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
     let stack = Stack::scan(reader)?;
-    let Format { height, width, channels, ty } = stack.page.format;
-    if stack.planes == 1 {
-        return Err(VolumeError::Dimensions { found: vec![height as u64, width as u64] });
-    }
-    stack.page.format.within(stack.planes, options.max_voxels)?;
+    stack.check(options)?;
+    let Format { channels, ty, .. } = stack.page.format;
     let mut bytes = Vec::new();
     let total = usize::try_from(u128::from(stack.planes) * stack.page.format.bytes()).unwrap_or(usize::MAX);
     bytes.try_reserve_exact(total).map_err(|error| VolumeError::Io {
@@ -101,8 +160,7 @@ fn read_from(reader: &mut (impl Read + Seek), options: &ReadOptions) -> Result<(
         source: std::io::Error::new(std::io::ErrorKind::OutOfMemory, error),
     })?;
     stack.decode(reader, &mut bytes)?;
-    let shape = [stack.planes as usize, height, width];
-    let samples = Samples { shape, channels, ty, endian: Endian::NATIVE, bytes };
+    let samples = Samples { shape: stack.shape(), channels, ty, endian: Endian::NATIVE, bytes };
     let (volume, mapping) = samples.into_volume(options.intensity)?;
     Ok((volume, Source { kind: FileKind::Tiff, samples: ty, mapping, spacing: stack.spacing }))
 }
@@ -216,29 +274,59 @@ impl Stack {
         }
     }
 
+    /// Checks that the slices are a volume within the limit.
+    fn check(&self, options: &ReadOptions) -> Result<(), VolumeError> {
+        let Format { height, width, .. } = self.page.format;
+        if self.planes == 1 {
+            return Err(VolumeError::Dimensions { found: vec![height as u64, width as u64] });
+        }
+        self.page.format.within(self.planes, options.max_voxels)
+    }
+
+    fn shape(&self) -> Shape {
+        [self.planes as usize, self.page.format.height, self.page.format.width]
+    }
+
     /// Appends the samples of all slices in the byte order of this machine.
     fn decode(&self, reader: &mut (impl Read + Seek), bytes: &mut Vec<u8>) -> Result<(), VolumeError> {
-        if let Some((offset, endian)) = self.contiguous {
-            return self.decode_contiguous(reader, offset, endian, bytes);
+        if self.contiguous.is_some() {
+            return self.decode_contiguous(reader, 0..self.planes, bytes);
         }
-        rewind(reader, 0)?;
+        let mut decoder = self.decoder(reader)?;
+        for index in 0..self.slices.len() {
+            self.decode_directory(&mut decoder, index, bytes)?;
+        }
+        Ok(())
+    }
+
+    /// A decoder that stands at the first directory.
+    fn decoder<R: Read + Seek>(&self, mut reader: R) -> Result<Decoder<R>, VolumeError> {
+        rewind(&mut reader, 0)?;
         // The decoder's own buffers hold lists of strips; pages go to buffers of ours. A strip may be the whole file.
         let mut limits = Limits::default();
         limits.intermediate_buffer_size = usize::try_from(self.length).unwrap_or(usize::MAX);
-        let mut decoder = Decoder::new(reader).map_err(|error| undecodable(0, error))?.with_limits(limits);
-        for (index, &slice) in self.slices.iter().enumerate() {
-            if index > 0 {
-                let turned = decoder.next_image();
-                // Of a thumbnail it does not matter whether it could be decoded.
-                if slice {
-                    turned.map_err(|error| undecodable(index, error))?;
-                }
-            }
+        Ok(Decoder::new(reader).map_err(|error| undecodable(0, error))?.with_limits(limits))
+    }
+
+    /// Appends the samples of the next directory, which is the one at `index`; says whether it is a slice.
+    fn decode_directory<R: Read + Seek>(
+        &self,
+        decoder: &mut Decoder<R>,
+        index: usize,
+        bytes: &mut Vec<u8>,
+    ) -> Result<bool, VolumeError> {
+        let slice = self.slices.get(index).copied().unwrap_or(false);
+        if index > 0 {
+            let turned = decoder.next_image();
+            // Of a thumbnail it does not matter whether it could be decoded.
             if slice {
-                self.decode_page(&mut decoder, index, bytes)?;
+                turned.map_err(|error| undecodable(index, error))?;
             }
         }
-        Ok(())
+        if slice {
+            self.decode_page(decoder, index, bytes)?;
+        }
+        Ok(slice)
     }
 
     fn decode_page<R: Read + Seek>(
@@ -274,20 +362,23 @@ impl Stack {
         Ok(())
     }
 
+    /// Appends the samples of some of the planes that follow one another.
     fn decode_contiguous(
         &self,
         reader: &mut (impl Read + Seek),
-        offset: u64,
-        endian: Endian,
+        planes: Range<u64>,
         bytes: &mut Vec<u8>,
     ) -> Result<(), VolumeError> {
-        let total = self.planes * self.page.format.bytes() as u64;
-        rewind(reader, offset)?;
+        let Some((offset, endian)) = self.contiguous else { return Ok(()) };
+        let plane = self.page.format.bytes() as u64;
+        let before = planes.start * plane;
+        rewind(reader, offset.saturating_add(before))?;
         let start = bytes.len();
-        let read = reader.take(total).read_to_end(bytes);
+        let wanted = (planes.end - planes.start) * plane;
+        let read = reader.take(wanted).read_to_end(bytes);
         let found = read.map_err(|source| VolumeError::Io { doing: "reading the planes", source })? as u64;
-        if found != total {
-            return Err(VolumeError::Truncated { expected: total, found });
+        if found != wanted {
+            return Err(VolumeError::Truncated { expected: self.planes * plane, found: before + found });
         }
         let planes = bytes.get_mut(start..).unwrap_or_default();
         if endian != Endian::NATIVE {

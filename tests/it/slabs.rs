@@ -1,0 +1,224 @@
+//! Volumes larger than memory: slab by slab a file gives what it gives whole, and `extract` lets nobody see the difference.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use assert_cmd::Command;
+use hlacdb::hlac::{self, Extraction, MASKS, SlabExtractor, Spacing};
+use hlacdb::volume::{
+    self, Endian, Intensity, RawLayout, ReadError, ReadOptions, SampleType, SlabReader, Source, Volume,
+};
+use serde_json::Value;
+
+use crate::support::{stripes, write_npy};
+
+/// Every fixture: files of all formats, folders of slices, and some that are no volume.
+fn fixtures() -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+    let list = |folder: &str| fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
+    let mut files: Vec<PathBuf> = list("volumes").chain(list("pictures")).collect();
+    files.sort();
+    assert!(files.len() > 100, "the fixtures are there");
+    files
+}
+
+/// The volume out of slabs; `None` where the file has none.
+fn gather(path: &Path, options: &ReadOptions, planes: usize) -> Result<Option<(Volume, Source)>, ReadError> {
+    let Some(mut reader) = SlabReader::open(path, options)? else { return Ok(None) };
+    let (mut voxels, mut extractor) = (Vec::new(), SlabExtractor::new(reader.shape()).unwrap());
+    while let Some(slab) = reader.read(planes)? {
+        voxels.extend_from_slice(slab.voxels);
+        extractor.push(&slab.grey()).unwrap();
+    }
+    let volume = Volume::new(reader.shape(), reader.channels(), voxels).unwrap();
+    assert_eq!(extractor.finish().unwrap(), hlac::extract(&volume), "{}", path.display());
+    Ok(Some((volume, reader.source())))
+}
+
+#[test]
+fn every_file_gives_in_slabs_what_it_gives_whole() {
+    let raw = RawLayout { shape: [5, 7, 9], samples: SampleType::U8, endian: Endian::Little, offset: 0 };
+    let rules = [Intensity::Full, Intensity::Auto, Intensity::NonZero, Intensity::Window { lo: -900.0, hi: 3000.0 }];
+    let (mut in_slabs, mut refused) = (0, 0);
+    for path in fixtures() {
+        for intensity in rules {
+            let options = ReadOptions { intensity, raw: Some(raw), ..ReadOptions::default() };
+            let whole = volume::read(&path, &options);
+            for planes in [1, 2, 9] {
+                match (gather(&path, &options, planes), &whole) {
+                    (Ok(None), _) => {}
+                    (Ok(Some(found)), Ok(expected)) => {
+                        assert!(found == *expected, "{} under {intensity} by {planes}", path.display());
+                        in_slabs += 1;
+                    }
+                    (Err(found), Err(expected)) => {
+                        assert_eq!(found.to_string(), expected.to_string(), "{intensity} by {planes}");
+                        refused += 1;
+                    }
+                    (found, expected) => panic!("{}: {found:?}, whole {expected:?}", path.display()),
+                }
+            }
+        }
+    }
+    assert!(in_slabs > 12 * 80 && refused > 12, "{in_slabs} in slabs, {refused} refused");
+}
+
+#[test]
+fn files_in_another_order_have_no_slabs() {
+    let named = |name: &str| {
+        let path = fixtures().into_iter().find(|path| path.ends_with(name)).unwrap();
+        SlabReader::open(&path, &ReadOptions::default()).unwrap().is_some()
+    };
+    for name in ["u8_fortran.npy", "u8_stored.npz", "rgb_pynrrd_planar.nrrd", "deep_pynrrd_ascii.nrrd", "rgb_nifti.nii"]
+    {
+        assert!(!named(name) || name == "rgb_nifti.nii", "{name}");
+    }
+    for name in ["u8.npy", "deep_sitk_packed.mhd", "deep_nifti1_gz.nii.gz", "tiles.tif", "png16", "u8_squeezed.npy"] {
+        assert!(named(name), "{name}");
+    }
+}
+
+/// Truth values, which become black and white.
+#[test]
+fn truth_values_come_in_slabs() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("truth.npy");
+    let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    bytes.extend(format!("{:<117}\n", "{'descr': '|b1', 'fortran_order': False, 'shape': (4, 3, 5), }").bytes());
+    bytes.extend((0..60).map(|index| u8::from(index % 7 == 0)));
+    fs::write(&path, bytes).unwrap();
+    let options = ReadOptions::default();
+    let (volume, source) = gather(&path, &options, 3).unwrap().unwrap();
+    assert!((volume.clone(), source) == volume::read(&path, &options).unwrap());
+    assert_eq!(volume.voxels()[..8], [255, 0, 0, 0, 0, 0, 0, 255]);
+}
+
+fn run(arguments: &[&str]) -> Output {
+    Command::cargo_bin("hlacdb").unwrap().args(arguments).output().unwrap()
+}
+
+/// The files that `extract` answers.
+fn extract(arguments: &[&str]) -> Value {
+    let output = run(&[&["--json", "extract"], arguments].concat());
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice::<Value>(&output.stdout).unwrap()["files"].clone()
+}
+
+/// What `extract` says on stderr about files that it refuses.
+fn refused(status: i32, arguments: &[&str]) -> String {
+    let output = run(&[&["extract"], arguments].concat());
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(status), "{arguments:?}: {said}");
+    assert!(!said.contains("panicked"), "{said}");
+    said
+}
+
+/// Answers without the time that they took.
+fn timeless(mut files: Value) -> Value {
+    for file in files.as_array_mut().unwrap() {
+        assert!(file.as_object_mut().unwrap().remove("elapsed_us").is_some_and(|time| time.is_u64()));
+    }
+    files
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+fn numbers(value: &Value) -> Vec<u64> {
+    value.as_array().unwrap().iter().map(|number| number.as_u64().unwrap()).collect()
+}
+
+/// A volume of 16-bit samples in a bare file, and the words that read it.
+fn bare(folder: &Path) -> (PathBuf, [String; 6]) {
+    let path = folder.join("bare.raw");
+    let bytes: Vec<u8> = (0..20 * 21 * 22_u32).flat_map(|i| (i.wrapping_mul(40_503) as u16).to_be_bytes()).collect();
+    fs::write(&path, bytes).unwrap();
+    let words = ["--raw-shape", "20,21,22", "--raw-type", "u16be", "--intensity", "auto"].map(String::from);
+    (path, words)
+}
+
+#[test]
+fn the_program_answers_alike_with_little_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, words) = bare(folder.path());
+    let (region, colour) = (folder.path().join("region.npy"), folder.path().join("colour.npy"));
+    write_npy(&region, &Volume::from_fn([20, 21, 22], |z, y, x| u8::from((z + y * x) % 5 != 0)).unwrap());
+    let colours = (0..3 * 20 * 21 * 22).map(|index| (index * 37 % 251) as u8).collect();
+    write_npy(&colour, &Volume::new([20, 21, 22], 3, colours).unwrap());
+    let words: Vec<&str> = [text(&path), text(&colour)].into_iter().chain(words.iter().map(String::as_str)).collect();
+    for options in [&[][..], &["--spacing", "2"], &["--region", text(&region), "--spacing", "4"]] {
+        let whole = timeless(extract(&[&words, options].concat()));
+        assert_eq!(whole.as_array().unwrap().len(), 2);
+        for memory in ["0", "9000"] {
+            let slabs = timeless(extract(&[&words, options, &["--slab-memory", memory]].concat()));
+            assert_eq!(slabs, whole, "{options:?} in {memory}");
+        }
+    }
+}
+
+#[test]
+fn spacing_and_region_are_those_of_the_library() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, mask) = (folder.path().join("a.npy"), folder.path().join("labels.raw"));
+    let volume = stripes(16, 3);
+    write_npy(&path, &volume);
+    // Labels of 32 bits, small and negative ones among large ones: all but 0 are inside.
+    let label = |index: usize| [0_i32, 1, -1, 2_000_000_000, -5, 0, 7][index % 7];
+    fs::write(&mask, (0..4096).flat_map(|index| label(index).to_le_bytes()).collect::<Vec<u8>>()).unwrap();
+    let region = Volume::from_fn([16; 3], |z, y, x| u8::from(label((z * 16 + y) * 16 + x) != 0)).unwrap();
+    let labels = ["--region", text(&mask), "--raw-shape", "16,16,16", "--raw-type", "i32"];
+    for (spacing, word) in Spacing::ALL.into_iter().zip(["1", "2", "4"]) {
+        let extraction = Extraction::new().spacing(spacing);
+        let all = &extract(&[text(&path), "--spacing", word])[0];
+        let expected = extraction.sums(&volume).unwrap().total();
+        assert_eq!(
+            (numbers(&all["sums"]), all["windows"].as_u64()),
+            (expected.values.to_vec(), Some(expected.windows))
+        );
+        assert!(all.get("counts").is_none());
+        for memory in ["0", "1000000"] {
+            let words = [&[text(&path), "--spacing", word, "--slab-memory", memory], &labels[..]].concat();
+            let within = &extract(&words)[0];
+            let expected = extraction.sums_in(&volume, &region).unwrap().total();
+            assert_eq!(numbers(&within["counts"]), expected.windows, "{word}");
+            assert_eq!(numbers(&within["sums"]), expected.values, "{word}");
+            for (moment, expected) in within["moments"].as_array().unwrap().iter().zip(expected.moments()) {
+                assert!((moment.as_f64().unwrap() - expected).abs() < 1e-15, "{moment} is not {expected}");
+            }
+            assert_eq!(within["windows"], all["windows"]);
+        }
+    }
+    let output = run(&[&["extract", text(&path), "--values"], &labels[..]].concat());
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert!(printed.contains("mask") && printed.contains("moment") && printed.lines().count() > MASKS.len());
+}
+
+#[test]
+fn what_does_not_fit_is_told_in_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npy");
+    write_npy(&path, &stripes(16, 3));
+    let region = folder.path().join("region.npy");
+    write_npy(&region, &stripes(15, 1));
+    for memory in ["0", "1000000"] {
+        let said = refused(1, &[text(&path), "--region", text(&region), "--slab-memory", memory]);
+        assert!(said.contains("a.npy: the region is 15 x 15 x 15 with 1 channel(s), but the volume is 16"), "{said}");
+        let small = folder.path().join("small.npy");
+        write_npy(&small, &stripes(8, 1));
+        let said = refused(1, &[text(&small), "--spacing", "4", "--slab-memory", memory]);
+        assert!(said.contains("small.npy: the volume is 8 x 8 x 8") && said.contains("smaller spacing"), "{said}");
+    }
+    assert!(refused(1, &[text(&path), "--region", "nowhere.npy"]).contains("nowhere.npy: opening the file failed"));
+    for variant in ["sampled", "hit-sum"] {
+        let said = refused(2, &[text(&path), "--variant", variant, "--spacing", "2"]);
+        assert!(said.contains("--spacing and --region are for exact sums"), "{said}");
+    }
+    refused(2, &[text(&path), "--spacing", "3"]);
+    let (bare, words) = bare(folder.path());
+    fs::OpenOptions::new().write(true).open(&bare).unwrap().set_len(9001).unwrap();
+    let words: Vec<&str> =
+        [text(&bare), "--slab-memory", "0"].into_iter().chain(words.iter().map(String::as_str)).collect();
+    assert!(refused(1, &words).contains("bare.raw: the data ends after 9001 of the 18480 bytes"));
+}
