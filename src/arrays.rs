@@ -10,11 +10,11 @@ use crate::error::Error;
 use crate::hlac::MASK_COUNT;
 use crate::volume::{Volume, display_path};
 
-/// Writes a C-ordered little-endian array of `f32`.
+/// Writes a C-ordered array of `f32`, `f64` or another plain type.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::ArrayShape`] where the values do not fill the shape.
-pub fn write_npy(path: &Path, shape: &[usize], values: &[f32]) -> Result<(), Error> {
+pub fn write_npy<T: npyz::AutoSerialize>(path: &Path, shape: &[usize], values: &[T]) -> Result<(), Error> {
     let mut writer = NpyRows::create(path, shape)?;
     writer.push(values)?;
     writer.finish()
@@ -37,14 +37,14 @@ pub fn write_volume(path: &Path, volume: &Volume) -> Result<(), Error> {
     writer.finish().map_err(failed)
 }
 
-/// An array of `f32` that is written row by row, in constant memory.
-pub struct NpyRows {
+/// An array that is written row by row, in constant memory.
+pub struct NpyRows<T: npyz::AutoSerialize> {
     shown: String,
     missing: usize,
-    writer: npyz::NpyWriter<f32, BufWriter<File>>,
+    writer: npyz::NpyWriter<T, BufWriter<File>>,
 }
 
-impl NpyRows {
+impl<T: npyz::AutoSerialize> NpyRows<T> {
     /// Begins an array of the given shape.
     ///
     /// # Errors
@@ -62,7 +62,7 @@ impl NpyRows {
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::ArrayShape`] where there are more than the shape holds.
-    pub fn push(&mut self, values: &[f32]) -> Result<(), Error> {
+    pub fn push(&mut self, values: &[T]) -> Result<(), Error> {
         self.missing = self.missing.checked_sub(values.len()).ok_or_else(|| self.wrong("longer"))?;
         let written = values.iter().try_for_each(|value| self.writer.push(value));
         written.map_err(|source| Error::io(format!("writing {}", self.shown), source))

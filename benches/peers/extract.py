@@ -1,7 +1,7 @@
 """The exact 3-D HLAC sums in numpy, scipy, numba and torch, beside ours.
 
-    python3 -m venv /tmp/hlac-venv && /tmp/hlac-venv/bin/pip install -r benches/peers/requirements-extract.txt
-    cargo build --release && /tmp/hlac-venv/bin/python benches/peers/extract.py
+    python3 -m venv peers-venv && peers-venv/bin/pip install -r benches/peers/requirements-extract.txt
+    cargo build --release && peers-venv/bin/python benches/peers/extract.py
 
 Every formulation computes the same 251 integers of one random volume (64^3 unless --side says otherwise); the answers
 are compared before any time is printed. One thread each; the best of some calls. Ours is the program itself: `hlacdb

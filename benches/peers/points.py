@@ -1,8 +1,8 @@
 """The recipe of the default space once more, in numpy and independently: are the points the same?
 
-    cargo run --release --example points -- /tmp/points
-    cargo run --release -- masks > /tmp/masks.txt       # or any list of the 251 masks by their letters, in order
-    python benches/peers/points.py /tmp/points /tmp/masks.txt src/space/prior.bin PRIOR_WEIGHT
+    cargo run --release --example points -- points-out
+    cargo run --release -- masks > points-out/masks.txt       # or any list of the 251 masks by their letters, in order
+    python benches/peers/points.py points-out points-out/masks.txt src/space/prior.bin PRIOR_WEIGHT
 
 Needs numpy only (2.4.6: 3.0e-8 for each fit over 352 textures, the rounding to f32). Prints the largest difference of a coordinate for each of the three fits; exits 1 above 1e-6.
 """

@@ -23,7 +23,7 @@ use super::{Context, Failure, Outcome};
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb demo
-  hlacdb demo --dir /tmp/demo && hlacdb -s /tmp/demo/textures.hlacdb stats")]
+  hlacdb demo --dir demo && hlacdb -s demo/textures.hlacdb stats")]
 pub(crate) struct Demo {
     /// The folder of the store and the pictures
     #[arg(long, value_name = "DIR", default_value = "hlacdb-demo")]

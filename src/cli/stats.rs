@@ -1,10 +1,12 @@
 //! `hlacdb stats`.
 
 use std::io::Write;
+use std::path::PathBuf;
 
 use clap::Args;
-use hlacdb::StatisticsReport;
 use hlacdb::hlac::MASKS;
+use hlacdb::volume::display_path;
+use hlacdb::{StatisticsReport, arrays};
 
 use super::table::{Align, Table, bytes};
 use super::{Context, Failure, Outcome};
@@ -14,17 +16,26 @@ use super::{Context, Failure, Outcome};
 #[command(after_help = "Examples:
   hlacdb stats
   hlacdb stats --moments                     mean, deviation, lowest and highest of all 251 moments
-  hlacdb --json stats | jq .statistics.mean")]
+  hlacdb --json stats | jq .statistics.mean
+  hlacdb stats --covariance cov.npy          the covariance of the moments, (251, 251) f64")]
 pub(crate) struct Stats {
     /// Show the statistics of every moment
     #[arg(long)]
     moments: bool,
+
+    /// Write the covariance matrix of the 251 moments as a numpy array
+    #[arg(long, value_name = "OUT.npy")]
+    covariance: Option<PathBuf>,
 }
 
 impl Stats {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_read()?;
         let report = database.statistics()?;
+        if let Some(path) = &self.covariance {
+            arrays::write_npy(path, &[MASKS.len(); 2], &database.covariance()?)?;
+            context.note(&format!("wrote {}", display_path(path)));
+        }
         if context.json {
             context.print_json(&report)?;
             return Ok(Outcome::Done);

@@ -97,3 +97,15 @@ impl Database {
 fn held<T>(locked: Result<T, std::sync::PoisonError<T>>) -> T {
     locked.unwrap_or_else(std::sync::PoisonError::into_inner)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_database_is_shared_by_threads() {
+        fn shared<T: Send + Sync>() {}
+        shared::<Database>();
+        shared::<Error>();
+    }
+}
