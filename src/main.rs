@@ -26,9 +26,19 @@ fn main() -> ExitCode {
     };
     start_log(arguments.verbose, arguments.quiet);
     tracing::info!(kernel = kernel.name(), store = %arguments.store.display(), "hlacdb {}", env!("CARGO_PKG_VERSION"));
+    start_threads();
     let mut context = Context::new(arguments.store.clone(), arguments.json, arguments.quiet);
     let result = arguments.run(&mut context);
     ExitCode::from(context.finish(result))
+}
+
+/// Starts the worker threads; where the system grants none, the main thread does their work.
+fn start_threads() {
+    if let Err(error) = rayon::ThreadPoolBuilder::new().build_global() {
+        tracing::warn!(%error, "no worker threads could be started: going on with one");
+        // Should this fail too, the pool was there already.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global();
+    }
 }
 
 /// The log goes to stderr; `HLACDB_LOG` (e.g. `hlacdb=debug`) overrides `-v` and `-q`.

@@ -17,7 +17,7 @@ pub(crate) const DEFAULT_STORE: &str = "textures.hlacdb";
     max_term_width = 100,
     arg_required_else_help = true,
     after_help = "Examples:
-  hlacdb demo                                 see it work, from nothing, in two minutes
+  hlacdb demo                                 see it work, from nothing, in a minute
   hlacdb ingest scans/ --tag project=cores    describe a folder of volumes into ./textures.hlacdb
   hlacdb query sample.nii.gz -k 5             the five textures most like a file
   hlacdb query --id 12 --sheet alike.png      ... like texture 12, as a picture of slices
@@ -29,7 +29,7 @@ pub(crate) struct Cli {
     #[arg(short, long, global = true, env = "HLACDB_STORE", default_value = DEFAULT_STORE, value_name = "FILE")]
     pub(crate) store: PathBuf,
 
-    /// Print one JSON document, and only that, on stdout
+    /// Print one JSON document, and only that, on stdout (nothing where the command fails as a whole)
     #[arg(long, global = true)]
     pub(crate) json: bool,
 

@@ -1,5 +1,7 @@
 //! `hlacdb completions`.
 
+use std::io::Write;
+
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 
@@ -17,7 +19,10 @@ pub(crate) struct Completions {
 
 impl Completions {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
-        clap_complete::generate(self.shell, &mut Cli::command(), "hlacdb", context.out());
+        // The generator panics where it cannot write: it writes to memory, and we to the pipe.
+        let mut script = Vec::new();
+        clap_complete::generate(self.shell, &mut Cli::command(), "hlacdb", &mut script);
+        context.out().write_all(&script)?;
         Ok(Outcome::Done)
     }
 }

@@ -98,7 +98,14 @@ impl Context {
         match OpenOptions::new().read_only(true).open(&self.store) {
             Err(error) if error.needs_repair() => {
                 self.note("the store's last writer did not end cleanly: repairing it first");
-                drop(OpenOptions::new().create(false).open(&self.store)?);
+                OpenOptions::new().create(false).open(&self.store).map_err(|error| {
+                    let shown = hlacdb::volume::display_path(&self.store);
+                    Failure::sentence(format!(
+                        "{shown}: the store's last writer did not end cleanly, and the repair that it needs before it can be \
+                         read could not be made: give write permission to it, or repair a copy\n  because {}",
+                        chain(&error)
+                    ))
+                })?;
                 Ok(OpenOptions::new().read_only(true).open(&self.store)?)
             }
             opened => Ok(opened?),

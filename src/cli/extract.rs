@@ -83,7 +83,7 @@ pub(crate) struct Extract {
 const SLAB_MEMORY: u64 = 1 << 30;
 
 /// The most memory that reading and describing one slab takes, however much may be taken (a plane at least).
-const LARGEST_SLAB: u64 = 64 << 20;
+const LARGEST_SLAB: u64 = 256 << 20;
 
 fn spacing_parser() -> impl TypedValueParser<Value = Spacing> {
     PossibleValuesParser::new(["1", "2", "4"]).map(|text| match text.as_str() {
@@ -287,7 +287,9 @@ impl Extract {
             let time = duration(Duration::from_micros(file.elapsed_us));
             table.row([shape(Some(file.shape)), file.windows.to_string(), time, file.path.clone()]);
         }
-        table.write(context.out())?;
+        if !good.is_empty() {
+            table.write(context.out())?;
+        }
         if self.values {
             for file in good {
                 print_values(context, file)?;

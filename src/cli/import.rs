@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use hlacdb::OpenOptions;
+use hlacdb::arrays::MomentRows;
 use hlacdb::hlac::View;
 
 use super::bars::Bars;
@@ -35,6 +36,8 @@ pub(crate) struct Import {
 
 impl Import {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        // An array that cannot be read leaves no empty store behind.
+        drop(MomentRows::open(&self.moments)?);
         // A store that the import makes keeps the one view that the array has.
         let database = OpenOptions::new().views(&[View::Full]).open(&context.store)?;
         let tags = self.tags.into_iter().map(KeyValue::into_pair).collect();

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use hlacdb::ingest::{self, Event, Options, Status};
+use hlacdb::volume::display_path;
 
 use super::bars::Bars;
 use super::read_arguments::ReadArguments;
@@ -62,6 +63,14 @@ enum Volumes {
 
 impl Ingest {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        let is_there = |path: &PathBuf| path.symlink_metadata().is_ok();
+        if !context.store.exists() && !self.paths.iter().any(is_there) {
+            let shown: Vec<String> = self.paths.iter().map(|path| display_path(path)).collect();
+            return Err(Failure::sentence(format!(
+                "{}: nothing is there to ingest, and no store was made: check the path",
+                shown.join(", ")
+            )));
+        }
         let database = context.open_or_create()?;
         let options = Options {
             reading: self.reading.options(),
@@ -91,6 +100,9 @@ impl Ingest {
         }
         if context.json && !stream {
             context.print_json(&report)?;
+        }
+        if report.ids.is_empty() && report.failed.is_empty() {
+            context.note("no volume was found: files of unknown kinds are passed over in folders, -vv names them");
         }
         let size = std::fs::metadata(&context.store).map(|file| file.len()).unwrap_or(0);
         context.note(&format!(

@@ -18,7 +18,7 @@ pub(crate) struct ReadArguments {
     #[arg(long, value_name = "N", default_value_t = ReadOptions::default().max_voxels)]
     max_voxels: u64,
 
-    /// The files are bare samples of this shape
+    /// Files named .raw, .bin or .dat, and files of no known kind, are bare samples of this shape
     #[arg(long, value_name = "Z,Y,X", requires = "raw_type")]
     raw_shape: Option<RawShape>,
 

@@ -41,7 +41,13 @@ impl Verify {
             for damage in &report.damage {
                 writeln!(context.out(), "damaged: {} {}: {}", damage.table, damage.key, damage.what)?;
             }
-            writeln!(context.out(), "{}", if report.ok() { "no damage" } else { "the store is damaged" })?;
+            let verdict = if report.ok() {
+                "no damage"
+            } else {
+                "the store is damaged: what is not named above is whole; keep a copy of the file, and ingest the textures named \
+                 above anew into another store"
+            };
+            writeln!(context.out(), "{verdict}")?;
         }
         Ok(if report.ok() { Outcome::Done } else { Outcome::Partly })
     }

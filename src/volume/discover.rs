@@ -73,7 +73,7 @@ impl Walk {
         }
         let found = if entry.file_type().is_dir() { self.enter(&entry) } else { self.is_volume(&entry) };
         if !found && !entry.file_type().is_dir() {
-            tracing::trace!(path = %entry.path().display(), "passed over: no volume by its name");
+            tracing::debug!(path = %entry.path().display(), "passed over: no volume by its name");
         }
         found.then(|| Ok(entry.into_path()))
     }

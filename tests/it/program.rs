@@ -360,3 +360,28 @@ fn a_closed_pipe_is_no_failure() {
     let output = child.wait_with_output().unwrap();
     assert!(output.stderr.is_empty(), "{}", stderr(&output));
 }
+
+/// Regression: the completion script's generator panicked where its output was cut off.
+#[test]
+fn completions_into_a_closed_pipe_are_no_panic() {
+    let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("hlacdb"))
+        .args(["completions", "bash"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));
+    assert_ne!(output.status.code(), Some(101));
+}
+
+/// Regression: a command that could do nothing left an empty store behind, and later questions found nothing in it.
+#[test]
+fn a_command_that_finds_nothing_to_add_makes_no_store() {
+    let place = Place::new();
+    assert!(place.refused(1, &["ingest", "nowhere"]).contains("nowhere"));
+    fs::write(place.path("wrong.npy"), "not an array").unwrap();
+    place.refused(1, &["import", "wrong.npy"]);
+    assert!(!place.path("textures.hlacdb").exists());
+}
