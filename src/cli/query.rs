@@ -81,7 +81,7 @@ impl Query {
             }
             (None, Some(id)) => {
                 let answer = database.query(&self.refine(Question::texture(id)))?;
-                (answer, None, format!("texture {id}"))
+                (answer, None, database.texture(id)?.name)
             }
             (None, None) => return Err(Failure::Usage("name a FILE, --id or --moments".into())),
         };
