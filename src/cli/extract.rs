@@ -53,7 +53,7 @@ pub(crate) struct Extract {
     #[arg(long, value_enum, default_value_t = Variant::Exact)]
     variant: Variant,
 
-    /// `sampled`: how many random windows (from about 30000 on, exact is cheaper)
+    /// `sampled`: how many random windows (for 64^3, exact is cheaper from about 7000 on)
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     windows: u64,
 
