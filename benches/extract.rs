@@ -142,7 +142,7 @@ fn binary(volume: &Volume) {
 /// From how many random windows on the exact sums of all windows are cheaper.
 fn sampled(volume: &Volume) {
     let exact = best(Duration::from_millis(500), || extract(volume));
-    let window = best(Duration::from_millis(500), || extract_sampled(volume, 10_000, 1)) / 10_000.0;
+    let window = best(Duration::from_millis(500), || extract_sampled(volume, 10_000, 1).unwrap()) / 10_000.0;
     println!(
         "random windows: {:.0} ns each; all {} exactly cost as much as {:.0} of them",
         window * 1e9,

@@ -94,6 +94,30 @@ pub enum Error {
         /// The tag asked for.
         key: String,
     },
+    /// All textures that carry a tag have the same value, so that any hit would be a right one.
+    #[error(
+        "all {textures} textures that carry the tag '{key}' have the value '{value}': every hit would be right, which measures \
+         nothing; add textures of another {key}, or name another --label"
+    )]
+    OneLabel {
+        /// The tag.
+        key: String,
+        /// Its one value.
+        value: String,
+        /// How many textures carry it.
+        textures: usize,
+    },
+    /// No two textures that carry a tag have the same value, so that no hit could be a right one.
+    #[error(
+        "no two of the {textures} textures that carry the tag '{key}' have the same value: none has anything to find; name \
+         another --label"
+    )]
+    NoPair {
+        /// The tag.
+        key: String,
+        /// How many textures carry it.
+        textures: usize,
+    },
     /// The operating system refused.
     #[error("{doing} failed")]
     Io {

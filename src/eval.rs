@@ -16,6 +16,12 @@ use crate::error::Error;
 use crate::index::Metric;
 use crate::progress::Progress;
 
+/// Up to which rank the precision is told rank by rank.
+pub const CURVE_RANKS: usize = 50;
+
+/// At how many recalls the precision is told, from 0 to 1 in even steps.
+pub const CURVE_RECALLS: usize = 21;
+
 /// Measures over some queries, each a mean in [0, 1].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Measures {
@@ -37,6 +43,12 @@ pub struct SpaceMeasures {
     /// Over all queries.
     #[serde(flatten)]
     pub all: Measures,
+    /// The share of the first 1, 2, ... hits with the query's label, up to [`CURVE_RANKS`] or as many as there are; the
+    /// mean over all queries.
+    pub precision_at_rank: Vec<f64>,
+    /// Interpolated precision at recall 0, 1/20, ..., 1: the best precision at that recall or a higher one; the mean over
+    /// all queries.
+    pub precision_at_recall: Vec<f64>,
     /// Over the queries of each label.
     pub per_class: BTreeMap<String, Measures>,
     /// How often a query of a label (outer key) has a first hit of a label (inner key).
@@ -57,8 +69,9 @@ pub struct Evaluation {
 /// Evaluates `spaces` by the tag `label`.
 ///
 /// # Errors
-/// [`Error::NoLabel`] where fewer than two textures carry the tag, [`Error::ZeroK`], [`Error::NoSuchSpace`],
-/// [`Error::Cancelled`], and whatever reading the store gives.
+/// [`Error::NoLabel`] where fewer than two textures carry the tag; [`Error::OneLabel`] where all that carry it have the
+/// same value, so that every hit would be a right one; [`Error::NoPair`] where no two have the same, so that no hit could
+/// be; [`Error::ZeroK`], [`Error::NoSuchSpace`], [`Error::Cancelled`], and whatever reading the store gives.
 pub fn evaluate(
     database: &Database,
     label: &str,
@@ -73,9 +86,25 @@ pub fn evaluate(
     if labels.len() < 2 {
         return Err(Error::NoLabel { key: label.to_owned() });
     }
+    check_classes(label, &labels)?;
     progress.begin("evaluating", Some((spaces.len() * labels.len()) as u64));
     let spaces = spaces.iter().map(|space| evaluate_space(database, space, &labels, k, progress));
     Ok(Evaluation { label: label.to_owned(), k, spaces: spaces.collect::<Result<_, _>>()? })
+}
+
+/// Refuses labels by which nothing can be found wrong, or nothing right.
+fn check_classes(key: &str, labels: &BTreeMap<u64, String>) -> Result<(), Error> {
+    let mut sizes: BTreeMap<&String, usize> = BTreeMap::new();
+    for label in labels.values() {
+        *sizes.entry(label).or_default() += 1;
+    }
+    if let (Some((value, &textures)), 1) = (sizes.first_key_value(), sizes.len()) {
+        return Err(Error::OneLabel { key: key.to_owned(), value: (*value).clone(), textures });
+    }
+    if sizes.values().all(|&size| size == 1) {
+        return Err(Error::NoPair { key: key.to_owned(), textures: labels.len() });
+    }
+    Ok(())
 }
 
 /// A labelled point.
@@ -90,6 +119,8 @@ struct Ranked {
     class: usize,
     first: usize,
     measures: Measures,
+    at_rank: Vec<f64>,
+    at_recall: Vec<f64>,
 }
 
 fn evaluate_space(
@@ -128,7 +159,14 @@ fn evaluate_space(
             }
         }
     }
-    Ok(SpaceMeasures { space: space.to_owned(), all: mean(ranked.iter()), per_class, confusion })
+    Ok(SpaceMeasures {
+        space: space.to_owned(),
+        all: mean(ranked.iter()),
+        precision_at_rank: mean_curve(ranked.iter().map(|query| &query.at_rank)),
+        precision_at_recall: mean_curve(ranked.iter().map(|query| &query.at_recall)),
+        per_class,
+        confusion,
+    })
 }
 
 /// Ranks all others by (distance, id); `None` where no other has the query's class.
@@ -140,26 +178,57 @@ fn rank(query: &Labelled, points: &[Labelled], metric: Metric, k: usize) -> Opti
         .collect();
     others.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let first = others.first()?.2;
-    let relevant = |hits: &[(f64, u64, usize)]| hits.iter().filter(|hit| hit.2 == query.class).count();
-    let mut found = 0_usize;
-    let mut precisions = 0.0;
-    for (above, hit) in others.iter().enumerate() {
+    // The precision at the rank of each relevant texture.
+    let mut precisions: Vec<f64> = Vec::new();
+    let mut at_rank: Vec<f64> = Vec::with_capacity(CURVE_RANKS.min(others.len()));
+    let mut in_top = 0;
+    for (rank, hit) in (1_u32..).zip(&others) {
         if hit.2 == query.class {
-            found += 1;
-            precisions += found as f64 / (above + 1) as f64;
+            precisions.push((precisions.len() + 1) as f64 / f64::from(rank));
+        }
+        if at_rank.len() < CURVE_RANKS {
+            at_rank.push(precisions.len() as f64 / f64::from(rank));
+        }
+        if rank as usize <= k {
+            in_top = precisions.len();
         }
     }
-    if found == 0 {
+    if precisions.is_empty() {
         return None;
     }
-    let top = others.get(..k).unwrap_or(&others);
     let measures = Measures {
         queries: 1,
         p_at_1: f64::from(u8::from(first == query.class)),
-        p_at_k: relevant(top) as f64 / top.len() as f64,
-        map: precisions / found as f64,
+        p_at_k: in_top as f64 / k.min(others.len()) as f64,
+        map: precisions.iter().sum::<f64>() / precisions.len() as f64,
     };
-    Some(Ranked { class: query.class, first, measures })
+    Some(Ranked { class: query.class, first, measures, at_rank, at_recall: interpolated(precisions) })
+}
+
+/// Precision at even steps of recall, of the precisions at the ranks of the relevant textures (one at least).
+fn interpolated(mut precisions: Vec<f64>) -> Vec<f64> {
+    let found = precisions.len();
+    let mut best = 0.0_f64;
+    for precision in precisions.iter_mut().rev() {
+        best = best.max(*precision);
+        *precision = best;
+    }
+    let steps = CURVE_RECALLS - 1;
+    // The first texture by which that much of them is found.
+    let at = |step: usize| (step * found).div_ceil(steps).max(1) - 1;
+    (0..=steps).map(|step| precisions.get(at(step)).copied().unwrap_or_default()).collect()
+}
+
+/// The mean of curves of one length.
+fn mean_curve<'a>(curves: impl Iterator<Item = &'a Vec<f64>>) -> Vec<f64> {
+    let mut sum: Vec<f64> = Vec::new();
+    let mut count = 0.0;
+    for curve in curves {
+        sum.resize(curve.len(), 0.0);
+        sum.iter_mut().zip(curve).for_each(|(sum, value)| *sum += value);
+        count += 1.0;
+    }
+    sum.into_iter().map(|sum| sum / count).collect()
 }
 
 fn mean<'a>(ranked: impl Iterator<Item = &'a Ranked>) -> Measures {
@@ -196,6 +265,19 @@ mod tests {
         let ranked = rank(&points[0], &points, Metric::L2, 2).unwrap();
         assert_eq!((ranked.measures.p_at_1, ranked.measures.p_at_k), (0.0, 0.5));
         assert!((ranked.measures.map - (1.0 / 2.0 + 2.0 / 3.0 + 3.0 / 5.0) / 3.0).abs() < 1e-12);
+        assert_eq!(ranked.at_rank, [0.0, 1.0 / 2.0, 2.0 / 3.0, 2.0 / 4.0, 3.0 / 5.0]);
+        // Up to two thirds of recall the best is 2 of 3; beyond, 3 of 5.
+        let expected: Vec<f64> = (0..=20).map(|step| if step <= 13 { 2.0 / 3.0 } else { 3.0 / 5.0 }).collect();
+        assert_eq!(ranked.at_recall, expected);
+    }
+
+    #[test]
+    fn labels_that_measure_nothing_are_refused() {
+        let labels = |values: &[&str]| (1..).zip(values).map(|(id, value)| (id, (*value).to_owned())).collect();
+        let check = |values: &[&str]| check_classes("kind", &labels(values));
+        assert!(matches!(check(&["a", "a"]), Err(Error::OneLabel { textures: 2, .. })));
+        assert!(matches!(check(&["a", "b", "c"]), Err(Error::NoPair { textures: 3, .. })));
+        assert!(check(&["a", "b", "a"]).is_ok());
     }
 
     #[test]

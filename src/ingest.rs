@@ -79,6 +79,8 @@ pub struct Report {
     pub duplicates: u64,
     /// Files that gave no texture.
     pub failed: Vec<Failed>,
+    /// Files in folders that were passed over because no volume has such a name.
+    pub skipped: u64,
     /// The ids of all textures given, in input order, those that were there already included.
     pub ids: Vec<u64>,
     /// True where the caller stopped it: what is reported as added is safe, the rest was not begun.
@@ -124,10 +126,11 @@ pub fn ingest(
     on_event: &mut dyn FnMut(&Event),
 ) -> Result<Report, Error> {
     let raw = options.reading.raw.is_some();
-    let files: Vec<_> = paths.iter().flat_map(|path| volume::discover(path, raw)).collect();
+    let (files, skipped) = discover_all(paths, raw);
     progress.begin("ingesting", Some(files.len() as u64));
     let pool = workers(options.jobs)?;
     let mut batch = Batch::new(database, progress, on_event);
+    batch.report.skipped = skipped;
     match options.block {
         None => {
             let read = |file| one_per_file(database, file, options);
@@ -144,6 +147,17 @@ pub fn ingest(
         }
     }
     batch.finish()
+}
+
+/// The volumes of all paths, and how many files were passed over.
+fn discover_all(paths: &[PathBuf], raw: bool) -> (Vec<Result<PathBuf, volume::ReadError>>, u64) {
+    let (mut files, mut skipped) = (Vec::new(), 0);
+    for path in paths {
+        let mut discovery = volume::discover(path, raw);
+        files.extend(discovery.by_ref());
+        skipped += discovery.passed_over();
+    }
+    (files, skipped)
 }
 
 /// Synthesises a recipe's textures and adds them, as [`ingest`] does files. They are tagged as the recipe says, and with

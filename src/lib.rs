@@ -29,6 +29,7 @@
 //! | [`store`] | records | bytes on disk |
 //! | [`synth`] | recipes | voxels |
 //! | [`Database`], [`ingest`], [`Query`], [`eval`] | all of them | answers |
+//! | [`plot`] | answers | pictures |
 
 #![deny(unsafe_code)]
 
@@ -42,6 +43,7 @@ pub mod ingest;
 #[path = "../migrations/mod.rs"]
 pub mod migrations;
 mod ordered;
+pub mod plot;
 mod progress;
 mod query;
 pub mod recipes;
@@ -56,8 +58,9 @@ pub mod volume;
 struct Readme;
 
 pub use database::{
-    Added, BlockOf, Compacted, ContentHash, DEFAULT_SPACE, Database, Exported, IdPoint, Imported, Meta, OpenOptions,
-    Prepared, Reindex, Reindexed, SpaceReport, StatisticsReport, Texture, Verified,
+    Added, AxisReport, BlockOf, Compacted, ContentHash, DEFAULT_SPACE, Database, DriftReport, Exported, IdPoint,
+    Imported, Meta, MomentStatistics, OpenOptions, Prepared, Reindex, Reindexed, SettingsReport, SpaceReport,
+    StatisticsReport, Texture, Verified,
 };
 pub use error::{Error, chain};
 pub use progress::Progress;

@@ -5,7 +5,7 @@ mod cli;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
-use clap::{CommandFactory, FromArgMatches};
+use clap::FromArgMatches;
 use tracing_subscriber::EnvFilter;
 
 use cli::{Cli, Context};
@@ -19,7 +19,7 @@ fn main() -> ExitCode {
         }
     };
     let version = format!("{} (kernel {})", env!("CARGO_PKG_VERSION"), kernel.name());
-    let matches = Cli::command().version(version).get_matches();
+    let matches = cli::command().version(version).get_matches();
     let arguments = match Cli::from_arg_matches(&matches) {
         Ok(arguments) => arguments,
         Err(error) => error.exit(),

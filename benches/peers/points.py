@@ -79,7 +79,7 @@ def observed(features, octants, copies):
             np.einsum("toi,toj->ij", apart, apart) * 8 / 7 / (8 * len(features)), change.T @ change / 2 / len(features))
 
 
-def points(features, mean, between, within, nuisance):
+def points(features, mean, between, within, nuisance, weight=NUISANCE):
     deviation = np.sqrt(np.diag(between))
     scale = np.where(deviation > 1e-9, 1 / np.maximum(deviation, 1e-9), 0)
     between, within, nuisance = (matrix * np.outer(scale, scale) for matrix in (between, within, nuisance))
@@ -87,7 +87,7 @@ def points(features, mean, between, within, nuisance):
     keep = np.argsort(-values)[:KEPT]
     keep = keep[values[keep] > LEAST * values.max()]
     white = vectors[:, keep] / np.sqrt(values[keep])
-    values, vectors = np.linalg.eigh(white.T @ (within + NUISANCE * nuisance) @ white)
+    values, vectors = np.linalg.eigh(white.T @ (within + weight * nuisance) @ white)
     axes = white @ vectors[:, :DIMS] / np.sqrt(np.maximum(values[:DIMS], 0) + RIDGE)
     axes *= np.sign(axes[np.abs(axes).argmax(0), range(axes.shape[1])])
     found = (features - mean) * scale @ axes

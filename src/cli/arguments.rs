@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use super::*;
 
@@ -89,6 +89,18 @@ enum Command {
     Completions(completions::Completions),
 }
 
+/// The definition of the command line. `-1` is a value wherever a value may stand, so that a bad number is told as one
+/// and not taken for an option.
+pub(crate) fn command() -> clap::Command {
+    let takes_value = |argument: &clap::Arg| argument.get_action().takes_values();
+    Cli::command().mut_subcommands(|command| {
+        command.mut_args(|argument| match takes_value(&argument) {
+            true => argument.allow_negative_numbers(true),
+            false => argument,
+        })
+    })
+}
+
 impl Cli {
     /// Runs the command. What it printed is flushed when the context is finished.
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
@@ -120,10 +132,9 @@ impl Cli {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_definition_holds_together() {
-        Cli::command().debug_assert();
+        command().debug_assert();
     }
 }

@@ -12,18 +12,13 @@ use super::Context;
 pub(crate) struct Bars {
     shown: bool,
     bar: Mutex<Option<ProgressBar>>,
-    interrupted: Option<Arc<AtomicBool>>,
+    interrupted: Arc<AtomicBool>,
 }
 
 impl Bars {
-    /// For work that runs to its end.
-    pub(crate) fn new(context: &Context) -> Self {
-        Self { shown: context.draws_progress(), bar: Mutex::new(None), interrupted: None }
-    }
-
     /// For work that ends early, and safely, once the flag is up.
     pub(crate) fn until(context: &Context, interrupted: Arc<AtomicBool>) -> Self {
-        Self { shown: context.draws_progress(), bar: Mutex::new(None), interrupted: Some(interrupted) }
+        Self { shown: context.draws_progress(), bar: Mutex::new(None), interrupted }
     }
 
     fn with(&self, act: impl FnOnce(&mut Option<ProgressBar>)) {
@@ -63,7 +58,7 @@ impl Progress for Bars {
     }
 
     fn cancelled(&self) -> bool {
-        self.interrupted.as_ref().is_some_and(|flag| flag.load(Ordering::SeqCst))
+        self.interrupted.load(Ordering::SeqCst)
     }
 }
 

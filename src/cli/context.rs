@@ -81,12 +81,19 @@ impl Context {
 
     /// From now on the first Ctrl-C (or SIGTERM) sets the flag that is returned, and a second one ends the program.
     pub(crate) fn interruptible(&self) -> Result<Arc<AtomicBool>, Failure> {
+        self.interruptible_saying(
+            "stopping after the batch in hand (again to stop at once; what was reported as added is safe)",
+        )
+    }
+
+    /// The same with other words on stderr when it happens.
+    pub(crate) fn interruptible_saying(&self, sentence: &'static str) -> Result<Arc<AtomicBool>, Failure> {
         let flag = Arc::clone(&self.interrupted);
         ctrlc::set_handler(move || {
             if flag.swap(true, Ordering::SeqCst) {
                 std::process::exit(130);
             }
-            eprintln!("stopping after the batch in hand (again to stop at once; what was reported as added is safe)");
+            eprintln!("{sentence}");
         })?;
         Ok(Arc::clone(&self.interrupted))
     }

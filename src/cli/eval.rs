@@ -1,12 +1,16 @@
 //! `hlacdb eval`.
 
 use std::io::Write;
+use std::path::PathBuf;
 
 use clap::Args;
 use hlacdb::eval::{self, Evaluation};
+use hlacdb::plot;
+use hlacdb::volume::display_path;
 
 use super::bars::Bars;
 use super::table::{Align, Table};
+use super::values::{svg, whole};
 use super::{Context, Failure, Outcome};
 
 /// Retrieval measures by a tag: P@1, P@k, mAP, per class
@@ -16,14 +20,15 @@ use super::{Context, Failure, Outcome};
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb synth families && hlacdb eval --label family
-  hlacdb eval --label class -k 30 --space paper,default")]
+  hlacdb eval --label class -k 30 --space paper,default
+  hlacdb eval --label rock --plot rock.svg     curves of precision, and how well each value is found")]
 pub(crate) struct Eval {
     /// The tag whose values say what is alike
     #[arg(long, value_name = "KEY")]
     label: String,
 
     /// The k of P@k
-    #[arg(short, value_name = "N", default_value_t = 10)]
+    #[arg(short, value_name = "N", default_value_t = 10, value_parser = whole::<usize>)]
     k: usize,
 
     /// Which spaces, separated by commas [default: all the store has]
@@ -33,6 +38,10 @@ pub(crate) struct Eval {
     /// Show every class and which classes are taken for which
     #[arg(long)]
     per_class: bool,
+
+    /// Draw precision by recall and by rank, and mAP by class, as SVG
+    #[arg(long, value_name = "OUT.svg", value_parser = svg())]
+    plot: Option<PathBuf>,
 }
 
 impl Eval {
@@ -42,6 +51,10 @@ impl Eval {
         let bars = Bars::until(context, context.interruptible()?);
         let evaluation = eval::evaluate(&database, &self.label, self.k, &spaces, &bars)?;
         drop(bars);
+        if let Some(path) = &self.plot {
+            plot::write(path, &plot::evaluation(&evaluation)?)?;
+            context.note(&format!("wrote {}", display_path(path)));
+        }
         if context.json {
             context.print_json(&evaluation)?;
             return Ok(Outcome::Done);

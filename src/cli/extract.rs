@@ -18,7 +18,8 @@ use serde::Serialize;
 use super::bars::Bars;
 use super::context::chain;
 use super::read_arguments::ReadArguments;
-use super::table::{Align, Table, duration, shape};
+use super::table::{Align, Table, count, duration, shape};
+use super::values::whole;
 use super::{Context, Failure, Outcome};
 
 /// The 251 exact sums and moments of files, without a store
@@ -53,12 +54,12 @@ pub(crate) struct Extract {
     #[arg(long, value_enum, default_value_t = Variant::Exact)]
     variant: Variant,
 
-    /// `sampled`: how many random windows (for 64^3, exact is cheaper from about 7000 on)
-    #[arg(long, value_name = "N", default_value_t = 10_000)]
-    windows: u64,
+    /// `sampled`: how many random windows (for 64^3, exact is cheaper from about 7000 on) [default: 10000, or all there are]
+    #[arg(long, value_name = "N", value_parser = whole::<u64>)]
+    windows: Option<u64>,
 
     /// `sampled`: the seed of the random windows
-    #[arg(long, value_name = "SEED", default_value_t = 0)]
+    #[arg(long, value_name = "SEED", default_value_t = 0, value_parser = whole::<u64>)]
     seed: u64,
 
     /// `exact`: how far apart the cells of a window are, in voxels
@@ -72,7 +73,7 @@ pub(crate) struct Extract {
 
     /// `exact`: read a file whose decoded samples take more than this slab by slab, in slabs that take no more (and a
     /// plane at least; a region is held in memory, a byte per voxel)
-    #[arg(long, value_name = "BYTES", default_value_t = SLAB_MEMORY)]
+    #[arg(long, value_name = "BYTES", default_value_t = SLAB_MEMORY, value_parser = whole::<u64>)]
     slab_memory: u64,
 
     #[command(flatten)]
@@ -81,6 +82,9 @@ pub(crate) struct Extract {
 
 /// The default of `--slab-memory`: files up to this size are read at once.
 const SLAB_MEMORY: u64 = 1 << 30;
+
+/// So many random windows are taken unless said.
+const SAMPLED_WINDOWS: u64 = 10_000;
 
 /// The most memory that reading and describing one slab takes, however much may be taken (a plane at least).
 const LARGEST_SLAB: u64 = 256 << 20;
@@ -126,6 +130,9 @@ enum Refused {
     Read(#[from] ReadError),
     #[error("{path}: {error}")]
     Extract { path: String, error: ExtractError },
+    /// The person did not want to wait: told once for all files.
+    #[error("stopped")]
+    Stopped,
 }
 
 /// What the variant asked for makes of a volume.
@@ -168,33 +175,45 @@ impl Extract {
             return Err(Failure::Usage(sentence));
         }
         let region = self.region.as_deref().map(|path| self.read_region(path)).transpose()?;
-        let bars = Bars::new(context);
+        let saying = "stopping after the files in hand (again to stop at once)";
+        let bars = Bars::until(context, context.interruptible_saying(saying)?);
         bars.begin("extracting", Some(self.files.len() as u64));
         let began = Instant::now();
         let answers: Vec<Result<Extracted, Refused>> = self
             .files
             .par_iter()
             .map(|path| {
-                let answer = self.extract(path, region.as_ref());
+                let answer = self.extract(path, region.as_ref(), &bars);
                 bars.advance(1);
                 answer
             })
             .collect();
         let elapsed = began.elapsed();
+        let stopped = bars.cancelled();
         drop(bars);
         let (good, bad): (Vec<_>, Vec<_>) =
             answers.into_iter().zip(&self.files).partition(|(answer, _)| answer.is_ok());
         let good: Vec<Extracted> = good.into_iter().filter_map(|(answer, _)| answer.ok()).collect();
         let bad: Vec<(String, String)> = bad
             .into_iter()
-            .filter_map(|(answer, path)| answer.err().map(|error| (volume::display_path(path), chain(&error))))
+            .filter_map(|(answer, path)| Some((answer.err()?, path)))
+            .filter(|(error, _)| !matches!(error, Refused::Stopped))
+            .map(|(error, path)| (volume::display_path(path), chain(&error)))
             .collect();
-        if let Some(out) = &self.out {
+        if stopped {
+            // An array with fewer rows than files would be taken for the whole.
+            let unwritten = if self.out.is_some() { ", and no array is written" } else { "" };
+            context.note(&format!(
+                "stopped early: {} of {} are done{unwritten}",
+                good.len(),
+                count(self.files.len(), "file")
+            ));
+        } else if let Some(out) = &self.out {
             let rows: Vec<f32> = good.iter().flat_map(|file| &file.moments).map(|&moment| moment as f32).collect();
             arrays::write_npy(out, &[good.len(), MASK_COUNT], &rows)?;
         }
         self.print(context, &good, &bad, elapsed)?;
-        Ok(if bad.is_empty() { Outcome::Done } else { Outcome::Partly })
+        Ok(if bad.is_empty() && !stopped { Outcome::Done } else { Outcome::Partly })
     }
 
     /// What is inside is 255, be it a label of 1 in 65535 or -1.
@@ -203,7 +222,10 @@ impl Extract {
         Ok(volume::read(path, &options)?.0)
     }
 
-    fn extract(&self, path: &Path, region: Option<&Volume>) -> Result<Extracted, Refused> {
+    fn extract(&self, path: &Path, region: Option<&Volume>, progress: &dyn Progress) -> Result<Extracted, Refused> {
+        if progress.cancelled() {
+            return Err(Refused::Stopped);
+        }
         let refused = |error| Refused::Extract { path: volume::display_path(path), error };
         let options = self.reading.options();
         if self.variant == Variant::Exact {
@@ -213,6 +235,9 @@ impl Extract {
                 let planes = reader.planes_within(self.slab_memory.min(LARGEST_SLAB));
                 let mut elapsed = Duration::ZERO;
                 while let Some(slab) = reader.read(planes)? {
+                    if progress.cancelled() {
+                        return Err(Refused::Stopped);
+                    }
                     let began = Instant::now();
                     slabs.push(slab.first, &slab.grey()).map_err(refused)?;
                     elapsed += began.elapsed();
@@ -241,9 +266,13 @@ impl Extract {
             (Variant::Exact, None) => Answer::of(&extraction.sums(volume)?.total()),
             (Variant::Exact, Some(region)) => {
                 let sums = extraction.sums_in(volume, region)?.total();
-                Answer::within(&sums, windows(volume.shape(), self.spacing))
+                Answer::within(&sums, self.spacing.windows(volume.shape()))
             }
-            (Variant::Sampled, _) => Answer::of(&hlac::extract_sampled(volume, self.windows, self.seed)),
+            (Variant::Sampled, _) => {
+                let there = Spacing::One.windows(volume.shape());
+                let asked = self.windows.unwrap_or(there.min(SAMPLED_WINDOWS));
+                Answer::of(&hlac::extract_sampled(volume, asked, self.seed)?)
+            }
             (Variant::HitSum, _) => {
                 let sums = hlac::extract_hit_sum(volume);
                 Answer { windows: sums.windows, sums: sums.values, moments: sums.moments(), counts: None }
@@ -260,7 +289,7 @@ impl Extract {
             return Err(ExtractError::Region { volume: shape, region: region.shape(), channels: region.channels() });
         }
         let extractor = RegionSlabExtractor::spaced(shape, self.spacing)?.workers(self.workers());
-        Ok(Slabs::Within { extractor, region, windows: windows(shape, self.spacing) })
+        Ok(Slabs::Within { extractor, region, windows: self.spacing.windows(shape) })
     }
 
     fn print(
@@ -334,11 +363,6 @@ impl Slabs<'_> {
             Self::Within { extractor, windows, .. } => Answer::within(&extractor.finish()?.total(), windows),
         })
     }
-}
-
-/// The number of windows of a volume.
-fn windows(shape: Shape, spacing: Spacing) -> u64 {
-    shape.iter().map(|&side| side.saturating_sub(2 * spacing.voxels()) as u64).product()
 }
 
 impl Extracted {

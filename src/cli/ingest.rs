@@ -101,8 +101,12 @@ impl Ingest {
         if context.json && !stream {
             context.print_json(&report)?;
         }
-        if report.ids.is_empty() && report.failed.is_empty() {
-            context.note("no volume was found: files of unknown kinds are passed over in folders, -vv names them");
+        if report.ids.is_empty() && report.failed.is_empty() && !report.cancelled {
+            context.note("no volume was found");
+        }
+        if report.skipped > 0 {
+            let files = count(report.skipped as usize, "file");
+            context.note(&format!("{files} of unknown kinds skipped (-vv names them)"));
         }
         let size = std::fs::metadata(&context.store).map(|file| file.len()).unwrap_or(0);
         context.note(&format!(

@@ -8,6 +8,7 @@ mod bars;
 mod context;
 mod read_arguments;
 mod table;
+mod values;
 
 mod compact;
 mod completions;
@@ -30,5 +31,5 @@ mod synth;
 mod tag;
 mod verify;
 
-pub(crate) use arguments::Cli;
+pub(crate) use arguments::{Cli, command};
 pub(crate) use context::{Context, Failure, Outcome};

@@ -11,6 +11,7 @@ use hlacdb::{Answer, Database, Query as Question, arrays};
 use super::read_arguments::ReadArguments;
 use super::table::{Align, Table, duration, tags};
 use super::tag::KeyValue;
+use super::values::{png, whole};
 use super::{Context, Failure, Outcome};
 
 /// The k textures most alike to a file, a stored texture or a descriptor
@@ -28,7 +29,7 @@ pub(crate) struct Query {
     file: Option<PathBuf>,
 
     /// A texture of the store
-    #[arg(long, group = "example")]
+    #[arg(long, group = "example", value_parser = whole::<u64>)]
     id: Option<u64>,
 
     /// Descriptors: a numpy array of 251 moments of full@1, or (N, 251) for N queries
@@ -36,7 +37,7 @@ pub(crate) struct Query {
     moments: Option<PathBuf>,
 
     /// How many hits; no ceiling
-    #[arg(short, value_name = "N", default_value_t = 10)]
+    #[arg(short, value_name = "N", default_value_t = 10, value_parser = whole::<usize>)]
     k: usize,
 
     /// Only hits at this distance or nearer
@@ -60,7 +61,7 @@ pub(crate) struct Query {
     index: Method,
 
     /// Draw the query and its hits as slices (the paper's Figure 6)
-    #[arg(long, value_name = "OUT.png", conflicts_with = "moments")]
+    #[arg(long, value_name = "OUT.png", value_parser = png(), conflicts_with = "moments")]
     sheet: Option<PathBuf>,
 
     #[command(flatten)]

@@ -5,6 +5,8 @@ use std::str::FromStr;
 use clap::Args;
 use hlacdb::volume::{Endian, Intensity, RawLayout, RawTypeError, ReadOptions, SampleType, Shape};
 
+use super::values::whole;
+
 /// How files are read.
 #[derive(Args, Clone)]
 #[command(next_help_heading = "Reading files")]
@@ -15,7 +17,7 @@ pub(crate) struct ReadArguments {
     intensity: Intensity,
 
     /// Refuse a file whose header promises more voxels than this
-    #[arg(long, value_name = "N", default_value_t = ReadOptions::default().max_voxels)]
+    #[arg(long, value_name = "N", default_value_t = ReadOptions::default().max_voxels, value_parser = whole::<u64>)]
     max_voxels: u64,
 
     /// Files named .raw, .bin or .dat, and files of no known kind, are bare samples of this shape
@@ -27,7 +29,7 @@ pub(crate) struct ReadArguments {
     raw_type: Option<RawType>,
 
     /// ... after a header of so many bytes
-    #[arg(long, value_name = "BYTES", default_value_t = 0, requires = "raw_shape")]
+    #[arg(long, value_name = "BYTES", default_value_t = 0, requires = "raw_shape", value_parser = whole::<u64>)]
     raw_offset: u64,
 }
 

@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::table::count;
+use super::values::whole;
 use super::{Context, Failure, Outcome};
 
 /// Remove textures (`compact` gives the space back)
@@ -12,7 +13,7 @@ use super::{Context, Failure, Outcome};
   hlacdb remove 12 13 14 && hlacdb compact")]
 pub(crate) struct Remove {
     /// The textures; all are removed, or, where one is not in the store, none
-    #[arg(required = true, value_name = "ID")]
+    #[arg(required = true, value_name = "ID", value_parser = whole::<u64>)]
     ids: Vec<u64>,
 }
 

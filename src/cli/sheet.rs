@@ -6,6 +6,7 @@ use clap::Args;
 use hlacdb::volume::{display_path, sheet};
 
 use super::table::tags;
+use super::values::{png, whole};
 use super::{Context, Failure, Outcome};
 
 /// A picture of one texture's slices (the paper's Figure 1)
@@ -15,10 +16,11 @@ use super::{Context, Failure, Outcome};
   hlacdb sheet 12 --out marble.png --axis y --columns 10")]
 pub(crate) struct Sheet {
     /// The texture
+    #[arg(value_parser = whole::<u64>)]
     id: u64,
 
     /// Where to write the picture [default: texture-ID.png]
-    #[arg(long, short, value_name = "OUT.png")]
+    #[arg(long, short, value_name = "OUT.png", value_parser = png())]
     out: Option<PathBuf>,
 
     /// Slices across which axis: z, y or x

@@ -8,6 +8,7 @@ use hlacdb::volume::display_path;
 use serde::Serialize;
 
 use super::table::{bytes, shape, tags};
+use super::values::whole;
 use super::{Context, Failure, Outcome};
 
 /// One texture: provenance, tags, descriptor
@@ -17,6 +18,7 @@ use super::{Context, Failure, Outcome};
   hlacdb --json show 12 | jq .moments")]
 pub(crate) struct Show {
     /// The texture
+    #[arg(value_parser = whole::<u64>)]
     id: u64,
 }
 

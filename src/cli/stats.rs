@@ -6,9 +6,10 @@ use std::path::PathBuf;
 use clap::Args;
 use hlacdb::hlac::MASKS;
 use hlacdb::volume::display_path;
-use hlacdb::{StatisticsReport, arrays};
+use hlacdb::{DEFAULT_SPACE, StatisticsReport, arrays, plot};
 
 use super::table::{Align, Table, bytes};
+use super::values::svg;
 use super::{Context, Failure, Outcome};
 
 /// What the store holds: sizes, space, normalisation statistics, settings
@@ -17,6 +18,8 @@ use super::{Context, Failure, Outcome};
   hlacdb stats
   hlacdb stats --moments                     mean, deviation, lowest and highest of all 251 moments
   hlacdb --json stats | jq .statistics.mean
+  hlacdb stats --space paper                 another space's formula and axes
+  hlacdb stats --plot stats.svg              the 251 moments and the axes, drawn
   hlacdb stats --covariance cov.npy          the covariance of the moments, (251, 251) f64")]
 pub(crate) struct Stats {
     /// Show the statistics of every moment
@@ -26,14 +29,26 @@ pub(crate) struct Stats {
     /// Write the covariance matrix of the 251 moments as a numpy array
     #[arg(long, value_name = "OUT.npy")]
     covariance: Option<PathBuf>,
+
+    /// Which space to tell of: default, oriented, invariant, paper, zscore
+    #[arg(long, value_name = "NAME", default_value = DEFAULT_SPACE)]
+    space: String,
+
+    /// Draw mean and deviation of the 251 moments, and the variance of the space's axes, as SVG
+    #[arg(long, value_name = "OUT.svg", value_parser = svg())]
+    plot: Option<PathBuf>,
 }
 
 impl Stats {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_read()?;
-        let report = database.statistics()?;
+        let report = database.statistics_in(&self.space)?;
         if let Some(path) = &self.covariance {
             arrays::write_npy(path, &[MASKS.len(); 2], &database.covariance()?)?;
+            context.note(&format!("wrote {}", display_path(path)));
+        }
+        if let Some(path) = &self.plot {
+            plot::write(path, &plot::statistics(&report)?)?;
             context.note(&format!("wrote {}", display_path(path)));
         }
         if context.json {
@@ -88,6 +103,9 @@ fn print_space(out: &mut impl Write, report: &StatisticsReport) -> Result<(), Fa
             drift.shift, drift.spread
         )?,
         None => writeln!(out, "drift since the fit: nothing to compare")?,
+    }
+    if space.axes.is_empty() {
+        return Ok(());
     }
     let mut table = Table::new([
         ("axis", Align::Right),

@@ -73,10 +73,14 @@ impl Synth {
             context.print_json(&report)?;
         }
         context.note(&format!(
-            "{} synthesised, {} already there, in {}",
+            "{} synthesised{}, in {}{}",
             count(report.added as usize, "texture"),
-            report.duplicates,
-            duration(began.elapsed())
+            match &self.out {
+                Some(folder) => format!(" and written to {}, with textures.csv", display_path(folder)),
+                None => format!(", {} already there, into {}", report.duplicates, display_path(&context.store)),
+            },
+            duration(began.elapsed()),
+            if report.cancelled { " (stopped early)" } else { "" }
         ));
         Ok(if report.cancelled { Outcome::Partly } else { Outcome::Done })
     }

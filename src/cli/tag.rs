@@ -4,6 +4,7 @@ use std::str::FromStr;
 
 use clap::Args;
 
+use super::values::whole;
 use super::{Context, Failure, Outcome};
 
 /// `KEY=VALUE` on the command line: split at the first `=`, neither side empty.
@@ -39,6 +40,7 @@ impl FromStr for KeyValue {
   hlacdb tag 12 --unset site")]
 pub(crate) struct Tag {
     /// The texture
+    #[arg(value_parser = whole::<u64>)]
     id: u64,
 
     /// Tags to set; a key holds one value, a new one replaces the old

@@ -26,7 +26,7 @@ pub use open::OpenOptions;
 pub use prepare::{BlockOf, Meta, Prepared};
 pub use search::IdPoint;
 pub use spaces::{Reindex, Reindexed};
-pub use statistics::{SpaceReport, StatisticsReport};
+pub use statistics::{AxisReport, DriftReport, MomentStatistics, SettingsReport, SpaceReport, StatisticsReport};
 pub use textures::{ContentHash, Texture};
 pub use transfer::{Exported, Imported};
 pub use verify::{Compacted, Verified};

@@ -20,7 +20,7 @@ pub struct StatisticsReport {
     pub descriptors: u64,
     /// Bytes by table, and `file`, the length of the file.
     pub bytes: BTreeMap<String, u64>,
-    /// The default space.
+    /// The space asked for: the default one unless said.
     pub space: SpaceReport,
     /// The 251 moments of `full@1` over all textures.
     pub statistics: MomentStatistics,
@@ -43,6 +43,8 @@ pub struct SpaceReport {
     pub dims: usize,
     /// How points and distances are computed.
     pub formula: String,
+    /// The share of each axis of the variance of all, falling; empty where the space has no axes of its own.
+    pub variances: Vec<f64>,
     /// The leading axes, by falling variance.
     pub axes: Vec<AxisReport>,
     /// How far the store has moved since the fit; `None` where there is nothing to compare.
@@ -111,6 +113,14 @@ impl Database {
     /// # Errors
     /// [`Error::Store`], [`Error::Space`].
     pub fn statistics(&self) -> Result<StatisticsReport, Error> {
+        self.statistics_in(super::DEFAULT_SPACE)
+    }
+
+    /// The same with another space than the default one.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchSpace`], [`Error::Store`], [`Error::Space`].
+    pub fn statistics_in(&self, space: &str) -> Result<StatisticsReport, Error> {
         let snapshot = self.store().read()?;
         let mut bytes: BTreeMap<String, u64> =
             snapshot.sizes()?.into_iter().map(|(table, size)| (table, size.total())).collect();
@@ -124,15 +134,15 @@ impl Database {
                 descriptors += kept.map_or(0, |block| block.present() as u64);
             }
         }
-        let default = spaces::load(&snapshot, super::DEFAULT_SPACE)?;
-        let drift = default.drift(&books::load(&snapshot, default.recipe())?)?;
+        let space = spaces::load(&snapshot, space)?;
+        let drift = space.drift(&books::load(&snapshot, space.recipe())?)?;
         Ok(StatisticsReport {
             textures: snapshot.counts().textures,
             descriptors,
             bytes,
             space: SpaceReport {
                 drift: drift.map(|drift| DriftReport { shift: drift.shift, spread: drift.spread }),
-                ..SpaceReport::of(&default)
+                ..SpaceReport::of(&space)
             },
             statistics: moment_statistics(&snapshot)?,
             settings: SettingsReport {
@@ -196,14 +206,17 @@ fn leading_share(covariance: &[f64], std: &[f64]) -> f64 {
 
 impl SpaceReport {
     fn of(space: &Space) -> Self {
-        let axes = space.axes().into_iter().take(AXES);
+        let axes = space.axes();
         Self {
             name: space.name().to_owned(),
             epoch: space.epoch(),
             fitted_on: space.textures_at_fit(),
             dims: space.dims(),
             formula: space.definition().formula(),
+            variances: axes.iter().map(|axis| axis.variance).collect(),
             axes: axes
+                .into_iter()
+                .take(AXES)
                 .map(|axis| AxisReport {
                     variance: axis.variance,
                     views: axis.views.into_iter().map(|(view, share)| (view.name().to_owned(), share)).collect(),

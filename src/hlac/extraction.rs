@@ -30,6 +30,11 @@ impl Spacing {
         }
     }
 
+    /// How many windows a volume of this shape has; 0 where none fits.
+    pub fn windows(self, shape: Shape) -> u64 {
+        shape.iter().map(|&side| side.saturating_sub(2 * self.voxels()) as u64).product()
+    }
+
     /// That a window fits.
     pub(super) fn check(self, shape: Shape) -> Result<(), ExtractError> {
         let needed = 2 * self.voxels() + 1;
@@ -160,6 +165,16 @@ pub enum ExtractError {
         region: Shape,
         /// The region's channels.
         channels: usize,
+    },
+    /// More random windows were asked for than there are.
+    #[error(
+        "{found} random windows were asked for, but the volume has {there}: take fewer, or all of them, which is exact and cheaper"
+    )]
+    Windows {
+        /// How many were asked for.
+        found: u64,
+        /// How many the volume has.
+        there: u64,
     },
     /// Slabs were given that do not make up the volume.
     #[error("{found} voxels were given in slabs, but a volume of {} x {} x {} has {expected}: give every Z-plane once, in order, whole", shape[0], shape[1], shape[2])]

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::Sums;
+use super::extraction::{ExtractError, Spacing};
 use super::kernel::windows::{self, Cells, WINDOWS};
 use crate::volume::Volume;
 
@@ -15,7 +16,14 @@ use crate::volume::Volume;
 ///
 /// The same volume, number and seed give the same sums on every machine: Z, Y and X are drawn in this order, each as
 /// `(draw * n) >> 64` of a 64-bit draw and the `n` windows along the axis. `windows == 0` gives [`Sums::ZERO`].
-pub fn extract_sampled(volume: &Volume, windows: u64, seed: u64) -> Sums {
+///
+/// # Errors
+/// [`ExtractError::Windows`] where more are asked for than the volume has: all of them are cheaper and exact.
+pub fn extract_sampled(volume: &Volume, windows: u64, seed: u64) -> Result<Sums, ExtractError> {
+    let there = Spacing::One.windows(volume.shape());
+    if windows > there {
+        return Err(ExtractError::Windows { found: windows, there });
+    }
     let grey = volume.luma();
     let (shape, voxels) = (grey.shape(), grey.voxels());
     let strides = [shape[1] * shape[2], shape[2], 1];
@@ -39,5 +47,5 @@ pub fn extract_sampled(volume: &Volume, windows: u64, seed: u64) -> Sums {
         windows::add(&cells, &mut sums.values);
         left -= count;
     }
-    sums
+    Ok(sums)
 }

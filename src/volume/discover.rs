@@ -17,6 +17,9 @@ const VOLUMES: &[&str] =
 /// The ends of the names of bare samples, which are volumes only where the caller knows their layout.
 const RAW: &[&str] = &[".raw", ".bin", ".dat"];
 
+/// The ends of the names of samples that a detached header may describe.
+const SAMPLES: &[&str] = &["raw", "bin", "dat", "img", "zraw"];
+
 /// The ends of the names of headers whose samples are in a file of the same name beside them.
 const DETACHED: &[&str] = &["mhd", "nhdr", "hdr"];
 
@@ -32,7 +35,7 @@ const DETACHED: &[&str] = &["mhd", "nhdr", "hdr"];
 ///
 /// What cannot be looked at is an error in its place, once, and the walk goes on: a missing path, a folder that may not be
 /// read, a dangling link, a link that leads back to a folder above it. The same file reached by two links is yielded twice.
-pub fn discover(path: &Path, raw: bool) -> impl Iterator<Item = Result<PathBuf, ReadError>> + use<> {
+pub fn discover(path: &Path, raw: bool) -> Discovery {
     let (single, walk) = match fs::metadata(path) {
         Ok(metadata) if metadata.is_dir() => (None, Some(Walk::new(path, raw))),
         Ok(_) => (Some(Ok(path.to_path_buf())), None),
@@ -41,7 +44,29 @@ pub fn discover(path: &Path, raw: bool) -> impl Iterator<Item = Result<PathBuf, 
             (Some(Err(ReadError { path: path.into(), error })), None)
         }
     };
-    single.into_iter().chain(walk.into_iter().flatten())
+    Discovery { single, walk }
+}
+
+/// The volumes of [`discover`], one after the other.
+pub struct Discovery {
+    single: Option<Result<PathBuf, ReadError>>,
+    walk: Option<Walk>,
+}
+
+impl Discovery {
+    /// How many files were passed over so far because no volume has such a name. Hidden files, slices and the data files of
+    /// detached headers do not count.
+    pub fn passed_over(&self) -> u64 {
+        self.walk.as_ref().map_or(0, |walk| walk.passed_over)
+    }
+}
+
+impl Iterator for Discovery {
+    type Item = Result<PathBuf, ReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.single.take().or_else(|| self.walk.as_mut()?.next())
+    }
 }
 
 /// A walk through a folder.
@@ -49,6 +74,8 @@ struct Walk {
     root: PathBuf,
     entries: walkdir::IntoIter,
     raw: bool,
+    /// Files that are neither volumes nor parts of one.
+    passed_over: u64,
     /// Of every folder from the root down to the current one, the files that are its slices.
     stacks: Vec<HashSet<PathBuf>>,
 }
@@ -56,7 +83,7 @@ struct Walk {
 impl Walk {
     fn new(root: &Path, raw: bool) -> Self {
         let walk = WalkDir::new(root).follow_links(true).sort_by(|a, b| natural_cmp(a.file_name(), b.file_name()));
-        Self { root: root.into(), entries: walk.into_iter(), raw, stacks: Vec::new() }
+        Self { root: root.into(), entries: walk.into_iter(), raw, passed_over: 0, stacks: Vec::new() }
     }
 
     /// What an entry adds: nothing, a volume, or an error.
@@ -72,7 +99,8 @@ impl Walk {
             return None;
         }
         let found = if entry.file_type().is_dir() { self.enter(&entry) } else { self.is_volume(&entry) };
-        if !found && !entry.file_type().is_dir() {
+        if !found && entry.file_type().is_file() && !self.is_part(&entry) {
+            self.passed_over += 1;
             tracing::debug!(path = %entry.path().display(), "passed over: no volume by its name");
         }
         found.then(|| Ok(entry.into_path()))
@@ -92,14 +120,27 @@ impl Walk {
     }
 
     fn is_volume(&self, entry: &DirEntry) -> bool {
-        let path = entry.path();
-        let in_stack = entry.depth().checked_sub(1).and_then(|depth| self.stacks.get(depth));
-        if !entry.file_type().is_file() || in_stack.is_some_and(|stack| stack.contains(path)) {
+        if !entry.file_type().is_file() || self.is_part(entry) {
             return false;
         }
         let name = entry.file_name().to_string_lossy().to_ascii_lowercase();
         let ends = |endings: &[&str]| endings.iter().any(|ending| name.ends_with(ending));
-        ends(VOLUMES) || self.raw && ends(RAW) && !DETACHED.iter().any(|header| path.with_extension(header).is_file())
+        ends(VOLUMES) || self.raw && ends(RAW)
+    }
+
+    /// Whether a file belongs to a volume that is yielded by another name: a slice of its folder, or the samples that a
+    /// detached header of the same name describes.
+    fn is_part(&self, entry: &DirEntry) -> bool {
+        let path = entry.path();
+        let stack = entry.depth().checked_sub(1).and_then(|depth| self.stacks.get(depth));
+        if stack.is_some_and(|stack| stack.contains(path)) {
+            return true;
+        }
+        let has = |path: &Path, endings: &[&str]| {
+            path.extension().is_some_and(|found| endings.iter().any(|ending| found.eq_ignore_ascii_case(ending)))
+        };
+        let plain = if has(path, &["gz", "bz2"]) { path.with_extension("") } else { path.to_path_buf() };
+        has(&plain, SAMPLES) && DETACHED.iter().any(|header| plain.with_extension(header).is_file())
     }
 
     /// The error of an entry that could not be looked at; `None` for hidden ones.

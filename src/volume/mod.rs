@@ -33,7 +33,7 @@ mod tiff;
 mod volume;
 mod vox;
 
-pub use discover::discover;
+pub use discover::{Discovery, discover};
 pub use error::{ReadError, VolumeError, display_path};
 pub use intensity::{Intensity, IntensityError, Mapping};
 pub use natural::natural_cmp;

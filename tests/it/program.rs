@@ -277,6 +277,69 @@ fn pictures_are_drawn() {
 }
 
 #[test]
+fn plots_are_drawn_as_svg() {
+    let place = Place::new();
+    place.json(&["ingest", text(&place.textures().join("balls")), "--tag", "kind=ball"]);
+    assert!(place.refused(1, &["eval", "--label", "kind"]).contains("'ball'"), "one class measures nothing");
+    place.json(&["ingest", text(&place.textures()), "--tag", "kind=stripes"]);
+    place.json(&["eval", "--label", "kind", "--plot", "eval.svg"]);
+    place.json(&["stats", "--plot", "stats.svg"]);
+    place.json(&["stats", "--space", "paper", "--plot", "paper.svg"]);
+    for name in ["eval.svg", "stats.svg", "paper.svg"] {
+        let drawn = fs::read_to_string(place.path(name)).unwrap();
+        let document = roxmltree::Document::parse(&drawn).unwrap();
+        assert_eq!(document.root_element().tag_name().name(), "svg", "{name}");
+    }
+    let first = fs::read(place.path("eval.svg")).unwrap();
+    place.json(&["eval", "--label", "kind", "--plot", "eval.svg"]);
+    assert!(first == fs::read(place.path("eval.svg")).unwrap(), "the same store gives the same plot");
+    assert!(place.refused(2, &["eval", "--label", "kind", "--plot", "eval.png"]).contains(".svg"));
+    assert!(place.refused(1, &["stats", "--space", "hyper"]).contains("paper"));
+    assert!(
+        place.json(&["stats", "--space", "zscore"])["space"]["formula"].as_str().unwrap().contains("(x - mean) / sd")
+    );
+    fs::create_dir(place.path("nothing")).unwrap();
+    place.json(&["-s", "empty.hlacdb", "ingest", "nothing"]);
+    let said = place.refused(1, &["-s", "empty.hlacdb", "stats", "--plot", "no.svg"]);
+    assert!(said.contains("no textures") && !place.path("no.svg").exists(), "{said}");
+}
+
+#[test]
+fn wrong_numbers_and_names_are_told_as_what_they_are() {
+    let place = Place::new();
+    place.json(&["ingest", text(&place.textures())]);
+    for arguments in
+        [&["query", "--id", "1", "-k", "-1"][..], &["query", "--id", "-1"], &["show", "-3"], &["sheet", "1e3"]]
+    {
+        let said = place.refused(2, arguments);
+        assert!(said.contains("whole number of 0 or more") && !said.contains("tip:"), "{said}");
+    }
+    assert!(place.refused(2, &["sheet", "1", "--out", "one.jpg"]).contains(".png"));
+    assert!(place.refused(2, &["query", "--id", "1", "--sheet", "one.jpg"]).contains(".png"));
+    let volume = place.path("textures/stripes1.npy");
+    let sampled = ["extract", text(&volume), "--variant", "sampled"];
+    assert!(place.refused(1, &[&sampled[..], &["--windows", "2745"]].concat()).contains("2744"));
+    assert_eq!(place.json(&sampled)["files"][0]["windows"], 2744, "as many as there are, unless said");
+}
+
+#[test]
+fn files_of_unknown_kinds_are_counted() {
+    let place = Place::new();
+    let folder = place.textures();
+    fs::write(folder.join("notes.txt"), "not a volume").unwrap();
+    fs::write(folder.join(".hidden"), "not to be seen").unwrap();
+    fs::write(folder.join("balls/data.raw"), [0; 27]).unwrap();
+    fs::write(
+        folder.join("balls/data.mhd"),
+        "NDims = 3\nDimSize = 3 3 3\nElementType = MET_UCHAR\nElementDataFile = data.raw\n",
+    )
+    .unwrap();
+    let report = place.json(&["ingest", text(&folder)]);
+    assert_eq!((&report["added"], &report["skipped"]), (&9.into(), &1.into()));
+    assert!(stderr(&place.run(&["ingest", text(&folder)])).contains("1 file of unknown kinds skipped"));
+}
+
+#[test]
 fn volumes_may_be_left_out() {
     let place = Place::new();
     place.json(&["ingest", text(&place.textures()), "--volumes", "none"]);

@@ -1,0 +1,203 @@
+//! The plot of a store's statistics: the 251 moments, and how the variance falls along the axes of a space.
+
+use super::PlotError;
+use super::page::{self, Area, FAINT, GRID, INK, Stand, colour, fill, font, line, px, text};
+use crate::database::StatisticsReport;
+use crate::hlac::MASKS;
+use plotters::style::RGBColor;
+
+/// The page and its panels, in pixels.
+const WIDTH: f64 = 980.0;
+const HEADING: f64 = 60.0;
+const MOMENTS: f64 = 376.0;
+const AXES: f64 = 270.0;
+const NO_AXES: f64 = 54.0;
+
+/// Where a panel's data lie.
+const LEFT: f64 = 58.0;
+const RIGHT: f64 = WIDTH - 16.0;
+
+/// From the lowest to the highest value; one deviation to either side of the mean; the mean.
+const RANGE: RGBColor = RGBColor(0xd6, 0xe6, 0xf2);
+const DEVIATION: RGBColor = RGBColor(0x74, 0xae, 0xd6);
+const MEAN: RGBColor = RGBColor(0x08, 0x30, 0x6b);
+
+/// The plot of a report of [`Database::statistics`](crate::Database::statistics) as an SVG document.
+///
+/// Above, the mean of each of the 251 moments of `full@1` in the order of the masks, with one deviation to either side and
+/// the lowest and highest value; below, the share of the variance that each axis of the report's space holds.
+///
+/// # Errors
+/// [`PlotError::Nothing`] where the store has no moments of `full@1`.
+pub fn statistics(report: &StatisticsReport) -> Result<String, PlotError> {
+    let moments = &report.statistics;
+    if moments.count == 0 {
+        return Err(PlotError::Nothing { missing: "the store has no textures; add some with `hlacdb ingest`" });
+    }
+    let title = "Statistics of a store of solid textures";
+    let description = format!(
+        "Mean, standard deviation, lowest and highest value of the 251 moments over {} textures, in the order of the masks; \
+         shares of the variance of the {} axes of the space {}.",
+        moments.count,
+        report.space.variances.len(),
+        report.space.name
+    );
+    let axes = if report.space.variances.is_empty() { NO_AXES } else { AXES };
+    let size = (WIDTH as u32, (HEADING + MOMENTS + axes) as u32);
+    page::draw(title, &description, size, |area| {
+        let (top, rest) = area.split_vertically(px(HEADING));
+        let (middle, bottom) = rest.split_vertically(px(MOMENTS));
+        let textures = if moments.count == 1 { "texture" } else { "textures" };
+        let heading = format!("The 251 moments of full@1 over {} {textures}", moments.count);
+        text(&top, &heading, (16.0, 22.0), &font(17.0, INK, Stand::Left))?;
+        let key = [(MEAN, "mean"), (DEVIATION, "one standard deviation"), (RANGE, "lowest to highest")];
+        let mut left = 16.0;
+        for (ink, words) in key {
+            fill(&top, (left, 40.0), (16.0, if ink == MEAN { 3.0 } else { 10.0 }), ink)?;
+            text(&top, words, (left + 22.0, 45.0), &font(12.0, FAINT, Stand::Left))?;
+            left += 50.0 + 7.0 * words.len() as f64;
+        }
+        draw_moments(&middle, report)?;
+        draw_axes(&bottom, report)
+    })
+}
+
+/// A vertical axis: from 0 to `top`, between two heights in pixels.
+struct Scale {
+    top: f64,
+    high: f64,
+    low: f64,
+}
+
+impl Scale {
+    /// The height of a value; what lies outside is drawn at the rim.
+    fn at(&self, value: f64) -> f64 {
+        self.low - (self.low - self.high) * (value / self.top).clamp(0.0, 1.0)
+    }
+
+    /// Lines and numbers.
+    fn draw(&self, area: &Area<'_>, steps: u32, number: impl Fn(f64) -> String) -> Result<(), PlotError> {
+        for step in 0..=steps {
+            let value = self.top * f64::from(step) / f64::from(steps);
+            line(area, (LEFT, self.at(value)), (RIGHT, self.at(value)), GRID, 1.0)?;
+            text(area, &number(value), (LEFT - 6.0, self.at(value)), &font(11.0, INK, Stand::Right))?;
+        }
+        Ok(())
+    }
+}
+
+/// The least of 1, 2, 2.5 and 5 times a power of ten that is not below `value`, and in how many steps it is read well.
+fn round_up(value: f64) -> (f64, u32) {
+    if value <= 0.0 || !value.is_finite() {
+        return (1.0, 5);
+    }
+    let power = 10.0_f64.powi(libm::floor(libm::log10(value)) as i32);
+    let steps = [(1.0, 5), (2.0, 4), (2.5, 5), (5.0, 5), (10.0, 5)];
+    let fitting = steps.into_iter().find(|(step, _)| step * power >= value * (1.0 - 1e-9));
+    fitting.map_or((value, 5), |(step, steps)| (step * power, steps))
+}
+
+fn draw_moments(area: &Area<'_>, report: &StatisticsReport) -> Result<(), PlotError> {
+    let moments = &report.statistics;
+    let highest = moments.max.iter().copied().fold(0.0, f64::max);
+    let (top, steps) = round_up(highest);
+    let scale = Scale { top, high: 34.0, low: MOMENTS - 60.0 };
+    scale.draw(area, steps, |value| format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_owned())?;
+    // Masks of another number of cells stand a little apart.
+    let gap = 14.0;
+    let step = (RIGHT - LEFT - 3.0 * gap) / MASKS.len() as f64;
+    let bar = step * 0.72;
+    let columns = moments.mean.iter().zip(&moments.std).zip(moments.min.iter().zip(&moments.max));
+    let mut ends: [Option<(f64, f64)>; 3] = [None; 3];
+    for ((at, mask), ((&mean, &deviation), (&lowest, &highest))) in MASKS.iter().enumerate().zip(columns) {
+        let left = LEFT + gap * mask.order() as f64 - gap / 2.0 + step * at as f64;
+        let range = |from: f64, to: f64, ink| {
+            let (from, to) = (scale.at(from), scale.at(to));
+            fill(area, (left, to), (bar, from - to), ink)
+        };
+        range(lowest, highest, RANGE)?;
+        range(mean - deviation, mean + deviation, DEVIATION)?;
+        fill(area, (left, scale.at(mean) - 0.8), (bar, 1.6), MEAN)?;
+        if let Some(end) = ends.get_mut(mask.order() - 1) {
+            let begin = end.map_or(left, |(begin, _)| begin);
+            *end = Some((begin, left + bar));
+        }
+    }
+    let names = ["1 cell", "2 cells: 13 masks", "3 cells: 237 masks, in the paper's order"];
+    for (name, end) in names.into_iter().zip(ends) {
+        let Some((begin, end)) = end else { continue };
+        line(area, (begin, scale.low + 7.0), (end, scale.low + 7.0), FAINT, 1.2)?;
+        // The first two are narrow: their words begin where they do, the first in a line of its own.
+        let (place, stand) = match name.len() {
+            0..10 => ((begin - 4.0, scale.low + 33.0), Stand::Left),
+            10..20 => ((begin, scale.low + 19.0), Stand::Left),
+            _ => (((begin + end) / 2.0, scale.low + 19.0), Stand::Centre),
+        };
+        text(area, name, place, &font(11.0, FAINT, stand))?;
+    }
+    text(area, "moment (0 to 1)", (16.0, 16.0), &font(12.0, FAINT, Stand::Left))
+}
+
+fn draw_axes(area: &Area<'_>, report: &StatisticsReport) -> Result<(), PlotError> {
+    let space = &report.space;
+    let title = format!("Axes of the space {}", page::shortened(&space.name, 40));
+    text(area, &title, (16.0, 12.0), &font(17.0, INK, Stand::Left))?;
+    if space.variances.is_empty() {
+        let words =
+            format!("{} has none of its own: its coordinates are the {} features themselves", space.name, space.dims);
+        return text(area, &words, (16.0, 36.0), &font(12.0, FAINT, Stand::Left));
+    }
+    let half = half_of(&space.variances);
+    let words = format!(
+        "share of the variance; {} of {} axes hold half of it{}",
+        half,
+        space.variances.len(),
+        if space.epoch == 0 { " (as the prior has it: not fitted yet)" } else { "" }
+    );
+    text(area, &words, (16.0, 36.0), &font(12.0, FAINT, Stand::Left))?;
+    let (top, steps) = round_up(space.variances.iter().copied().fold(0.0, f64::max));
+    let scale = Scale { top, high: 56.0, low: AXES - 44.0 };
+    scale.draw(area, steps, |value| format!("{:.1} %", value * 100.0))?;
+    let step = (RIGHT - LEFT) / space.variances.len() as f64;
+    let bar = (step * 0.72).min(60.0);
+    let every = space.variances.len().div_ceil(40);
+    for (at, &share) in space.variances.iter().enumerate() {
+        let middle = LEFT + step * (at as f64 + 0.5);
+        fill(area, (middle - bar / 2.0, scale.at(share)), (bar, scale.low - scale.at(share)), colour(0))?;
+        if at % every == 0 {
+            text(area, &(at + 1).to_string(), (middle, scale.low + 14.0), &font(11.0, INK, Stand::Centre))?;
+        }
+    }
+    text(area, "axis", ((LEFT + RIGHT) / 2.0, scale.low + 33.0), &font(11.0, FAINT, Stand::Centre))
+}
+
+/// How many of the leading shares make up half.
+fn half_of(shares: &[f64]) -> usize {
+    let mut sum = 0.0;
+    let before = shares.iter().take_while(|&&share| {
+        sum += share;
+        sum < 0.5
+    });
+    (before.count() + 1).min(shares.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_end_at_round_numbers() {
+        assert_eq!(round_up(0.83), (1.0, 5));
+        assert_eq!(round_up(0.0), (1.0, 5));
+        let (top, steps) = round_up(0.21);
+        assert!((top - 0.25).abs() < 1e-12 && steps == 5);
+        assert!((round_up(0.1).0 - 0.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn half_of_the_variance_is_counted() {
+        assert_eq!(half_of(&[0.6, 0.4]), 1);
+        assert_eq!(half_of(&[0.3, 0.3, 0.4]), 2);
+        assert_eq!(half_of(&[1.0]), 1);
+    }
+}
