@@ -1,6 +1,6 @@
 //! How well the spaces retrieve: `cargo run --release --example quality [RECIPE LABEL]...`.
 //!
-//! For each recipe (a built-in name or a TOML file; `families` by `family` and `paper600` by `class` where none is
+//! For each recipe (a built-in name or a TOML file; `families` and `wide` by `family` and `paper600` by `class` where none is
 //! named) every texture asks for all others, clean and under all nuisances. What is fitted never saw the families of
 //! the query's label: the prior is made of the other families of `datasets/prior.toml`, and the store's own statistics
 //! of the textures of other labels (except where there are two labels only). Printed, by space and by what it was
@@ -32,7 +32,11 @@ struct Texture {
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let sets: Vec<(String, String)> = match arguments.as_slice() {
-        [] => vec![("families".into(), "family".into()), ("paper600".into(), "class".into())],
+        [] => vec![
+            ("families".into(), "family".into()),
+            ("wide".into(), "family".into()),
+            ("paper600".into(), "class".into()),
+        ],
         named => named.chunks(2).map(|c| (c[0].clone(), c.get(1).cloned().unwrap_or("family".into()))).collect(),
     };
     let observed = observed()?;
@@ -49,13 +53,19 @@ fn main() -> Result<(), Failure> {
         println!("\n{name}: {} textures, {} labels; mAP / P@1 / P@30", clean.len(), labels.len());
         println!("| space | fitted on | clean | all nuisances | nuisance query, clean store |");
         println!("|---|---|---|---|---|");
-        for name in Definition::BUILT_IN {
+        let asked = std::env::var("SPACES").ok();
+        let wanted = |name: &str| asked.as_ref().is_none_or(|list| list.split(',').any(|one| one == name));
+        for name in Definition::BUILT_IN.into_iter().filter(|name| wanted(name)) {
             let definition = Definition::built_in(name).ok_or("no such space")?;
             for fit in fits(&definition) {
                 let clean_scores = scores(&definition, &fit, &priors, &clean, &clean)?;
                 let all_scores = scores(&definition, &fit, &priors, &all, &all)?;
                 let crossed = scores(&definition, &fit, &priors, &all, &clean)?;
-                println!("| {name} | {} | {clean_scores} | {all_scores} | {crossed} |", fit.name);
+                let [of_clean, of_all, of_crossed] = [&clean_scores, &all_scores, &crossed].map(total);
+                println!("| {name} | {} | {of_clean} | {of_all} | {of_crossed} |", fit.name);
+                if std::env::var_os("CLASSES").is_some() {
+                    list_worst(&clean_scores, &all_scores);
+                }
             }
         }
     }
@@ -159,7 +169,7 @@ fn scores(
     priors: &BTreeMap<String, Prior>,
     queries: &[Texture],
     store: &[Texture],
-) -> Result<Scores, Failure> {
+) -> Result<ByLabel, Failure> {
     let contributions = |textures: &[Texture]| -> Vec<Contribution> {
         let of = |texture: &Texture| texture.contributions.iter().find(|c| *c.recipe() == definition.recipe).cloned();
         textures.iter().filter_map(of).collect()
@@ -199,16 +209,31 @@ fn scores(
             hits.sort_by(|a, b| a.0.total_cmp(&b.0));
             scores.count(&hits);
         }
-        Ok(scores)
+        Ok((label.to_owned(), scores))
     });
-    per_label.try_reduce(Scores::default, |a, b| {
-        Ok(Scores {
-            map: a.map + b.map,
-            first: a.first + b.first,
-            thirty: a.thirty + b.thirty,
-            queries: a.queries + b.queries,
-        })
+    per_label.collect()
+}
+
+type ByLabel = BTreeMap<String, Scores>;
+
+/// The measures over all queries.
+fn total(scores: &ByLabel) -> Scores {
+    scores.values().fold(Scores::default(), |a, b| Scores {
+        map: a.map + b.map,
+        first: a.first + b.first,
+        thirty: a.thirty + b.thirty,
+        queries: a.queries + b.queries,
     })
+}
+
+/// Prints the dozen labels with the lowest mean average precision under all nuisances.
+fn list_worst(clean: &ByLabel, all: &ByLabel) {
+    let map = |scores: &Scores| scores.map / scores.queries;
+    let mut labels: Vec<&String> = all.keys().collect();
+    labels.sort_by(|a, b| map(&all[*a]).total_cmp(&map(&all[*b])));
+    for label in labels.into_iter().take(24) {
+        println!("    {label:12} {:.3} clean, {:.3} all nuisances", map(&clean[label]), map(&all[label]));
+    }
 }
 
 impl Scores {

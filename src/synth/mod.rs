@@ -45,9 +45,10 @@ pub use specimen::Specimen;
 pub use turn::Turn;
 
 /// The recipes that are built in: name and TOML text.
-const BUILTIN: [(&str, &str); 3] = [
+const BUILTIN: [(&str, &str); 4] = [
     ("paper600", include_str!("../../datasets/paper600.toml")),
     ("families", include_str!("../../datasets/families.toml")),
+    ("wide", include_str!("../../datasets/wide.toml")),
     ("prior", include_str!("../../datasets/prior.toml")),
 ];
 
