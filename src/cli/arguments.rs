@@ -93,7 +93,12 @@ enum Command {
 /// and not taken for an option.
 pub(crate) fn command() -> clap::Command {
     let takes_value = |argument: &clap::Arg| argument.get_action().takes_values();
-    Cli::command().mut_subcommands(|command| {
+    let mut definition = Cli::command();
+    // An empty variable is none: what it would name is no file.
+    if std::env::var_os("HLACDB_STORE").is_some_and(|name| name.is_empty()) {
+        definition = definition.mut_arg("store", |argument| argument.env(None::<&str>));
+    }
+    definition.mut_subcommands(|command| {
         command.mut_args(|argument| match takes_value(&argument) {
             true => argument.allow_negative_numbers(true),
             false => argument,

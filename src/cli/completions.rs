@@ -19,6 +19,9 @@ pub(crate) struct Completions {
 
 impl Completions {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        if context.json {
+            return Err(Failure::Usage("a completion script is no JSON document: leave out --json".into()));
+        }
         // The generator panics where it cannot write: it writes to memory, and we to the pipe.
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut Cli::command(), "hlacdb", &mut script);

@@ -140,6 +140,11 @@ impl Context {
                 2
             }
             Err(Failure::Failed(error)) if is_broken_pipe(error.as_ref()) => 0,
+            // All other errors of the system come with what was being done.
+            Err(Failure::Failed(error)) if is_bare(error.as_ref()) => {
+                eprintln!("hlacdb: the answer could not be written to where it should go\n  because {error}");
+                1
+            }
             Err(Failure::Failed(error)) => {
                 // What was already answered stays an answer.
                 let _ = self.out.flush();
@@ -148,6 +153,11 @@ impl Context {
             }
         }
     }
+}
+
+/// Whether an error is the system's or the encoder's own word, said of the answer's way out.
+fn is_bare(error: &(dyn Error + 'static)) -> bool {
+    error.is::<io::Error>() || error.downcast_ref::<serde_json::Error>().is_some_and(serde_json::Error::is_io)
 }
 
 fn is_broken_pipe(error: &(dyn Error + 'static)) -> bool {

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
+use clap::builder::NonEmptyStringValueParser;
 use hlacdb::eval::{self, Evaluation};
 use hlacdb::plot;
 use hlacdb::volume::display_path;
@@ -24,7 +25,7 @@ use super::{Context, Failure, Outcome};
   hlacdb eval --label rock --plot rock.svg     curves of precision, and how well each value is found")]
 pub(crate) struct Eval {
     /// The tag whose values say what is alike
-    #[arg(long, value_name = "KEY")]
+    #[arg(long, value_name = "KEY", value_parser = NonEmptyStringValueParser::new())]
     label: String,
 
     /// The k of P@k
@@ -47,7 +48,7 @@ pub(crate) struct Eval {
 impl Eval {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_read()?;
-        let spaces = if self.space.is_empty() { database.space_names()? } else { self.space };
+        let spaces = if self.space.is_empty() { database.space_names()? } else { distinct(self.space) };
         let bars = Bars::until(context, context.interruptible()?);
         let evaluation = eval::evaluate(&database, &self.label, self.k, &spaces, &bars)?;
         drop(bars);
@@ -65,6 +66,12 @@ impl Eval {
         }
         Ok(Outcome::Done)
     }
+}
+
+/// The names in order, each once.
+fn distinct(names: Vec<String>) -> Vec<String> {
+    let mut seen = std::collections::BTreeSet::new();
+    names.into_iter().filter(|name| seen.insert(name.clone())).collect()
 }
 
 fn print_summary(context: &mut Context, evaluation: &Evaluation) -> Result<(), Failure> {

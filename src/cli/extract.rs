@@ -204,7 +204,7 @@ impl Extract {
             // An array with fewer rows than files would be taken for the whole.
             let unwritten = if self.out.is_some() { ", and no array is written" } else { "" };
             context.note(&format!(
-                "stopped early: {} of {} are done{unwritten}",
+                "stopped early: {} of {} done{unwritten}",
                 good.len(),
                 count(self.files.len(), "file")
             ));

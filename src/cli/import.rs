@@ -9,7 +9,7 @@ use hlacdb::hlac::View;
 
 use super::bars::Bars;
 use super::table::count;
-use super::tag::KeyValue;
+use super::tag::{KeyValue, one_value_each};
 use super::{Context, Failure, Outcome};
 
 /// Add descriptors (moments) computed elsewhere
@@ -36,11 +36,11 @@ pub(crate) struct Import {
 
 impl Import {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        let tags = one_value_each(self.tags)?;
         // An array that cannot be read leaves no empty store behind.
         drop(MomentRows::open(&self.moments)?);
         // A store that the import makes keeps the one view that the array has.
         let database = OpenOptions::new().views(&[View::Full]).open(&context.store)?;
-        let tags = self.tags.into_iter().map(KeyValue::into_pair).collect();
         let bars = Bars::until(context, context.interruptible()?);
         let report = database.import(&self.moments, self.names.as_deref(), &tags, &bars)?;
         drop(bars);

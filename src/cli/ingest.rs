@@ -11,7 +11,7 @@ use hlacdb::volume::display_path;
 use super::bars::Bars;
 use super::read_arguments::ReadArguments;
 use super::table::{bytes, count, duration};
-use super::tag::KeyValue;
+use super::tag::{KeyValue, one_value_each};
 use super::{Context, Failure, Outcome};
 
 /// Describe volumes (files, folders) and add them to the store
@@ -63,6 +63,7 @@ enum Volumes {
 
 impl Ingest {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        let tags = one_value_each(self.tags)?;
         let is_there = |path: &PathBuf| path.symlink_metadata().is_ok();
         if !context.store.exists() && !self.paths.iter().any(is_there) {
             let shown: Vec<String> = self.paths.iter().map(|path| display_path(path)).collect();
@@ -74,7 +75,7 @@ impl Ingest {
         let database = context.open_or_create()?;
         let options = Options {
             reading: self.reading.options(),
-            tags: self.tags.into_iter().map(KeyValue::into_pair).collect(),
+            tags,
             block: self.block.map(|side| side as usize),
             jobs: self.jobs.map(|jobs| jobs as usize),
             volumes: match self.volumes {

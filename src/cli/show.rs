@@ -7,7 +7,7 @@ use hlacdb::store::Provenance;
 use hlacdb::volume::display_path;
 use serde::Serialize;
 
-use super::table::{bytes, shape, tags};
+use super::table::{bytes, one_line, shape, tags};
 use super::values::whole;
 use super::{Context, Failure, Outcome};
 
@@ -69,7 +69,7 @@ impl Show {
             lines.push(("block", format!("at {z},{y},{x} of {}", shape(Some(block.shape)))));
         }
         for (key, value) in lines {
-            writeln!(context.out(), "{key:9} {value}")?;
+            writeln!(context.out(), "{key:9} {}", one_line(&value))?;
         }
         Ok(Outcome::Done)
     }

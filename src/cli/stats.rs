@@ -8,7 +8,7 @@ use hlacdb::hlac::MASKS;
 use hlacdb::volume::display_path;
 use hlacdb::{DEFAULT_SPACE, StatisticsReport, arrays, plot};
 
-use super::table::{Align, Table, bytes};
+use super::table::{Align, Table, bytes, count};
 use super::values::svg;
 use super::{Context, Failure, Outcome};
 
@@ -58,8 +58,10 @@ impl Stats {
         let out = context.out();
         writeln!(
             out,
-            "{} textures, {} descriptors, revision {}",
-            report.textures, report.descriptors, report.revision
+            "{}, {}, revision {}",
+            count(report.textures as usize, "texture"),
+            count(report.descriptors as usize, "descriptor"),
+            report.revision
         )?;
         print_settings(out, &report)?;
         print_sizes(out, &report)?;
@@ -92,8 +94,11 @@ fn print_space(out: &mut impl Write, report: &StatisticsReport) -> Result<(), Fa
     let space = &report.space;
     writeln!(
         out,
-        "\nspace {}, fit {}, on {} textures, {} coordinates",
-        space.name, space.epoch, space.fitted_on, space.dims
+        "\nspace {}, fit {}, on {}, {} coordinates",
+        space.name,
+        space.epoch,
+        count(space.fitted_on as usize, "texture"),
+        space.dims
     )?;
     writeln!(out, "{}", space.formula)?;
     match &space.drift {
@@ -129,8 +134,8 @@ fn print_statistics(out: &mut impl Write, report: &StatisticsReport, all: bool) 
     let statistics = &report.statistics;
     writeln!(
         out,
-        "\nmoments of full@1 over {} textures; their strongest axis holds {:.1}% of the z-scored variance",
-        statistics.count,
+        "\nmoments of full@1 over {}; their strongest axis holds {:.1}% of the z-scored variance",
+        count(statistics.count as usize, "texture"),
         statistics.leading_share * 100.0
     )?;
     let mut table = Table::new([

@@ -22,7 +22,7 @@ impl Table {
 
     /// Adds one row; a missing cell is empty.
     pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
-        self.rows.push(cells.into_iter().collect());
+        self.rows.push(cells.into_iter().map(|cell| one_line(&cell)).collect());
     }
 
     /// Writes heading and rows; without trailing blanks, so that a diff of two answers stays clean.
@@ -43,6 +43,12 @@ impl Table {
         }
         Ok(())
     }
+}
+
+/// A text without control characters, which could break a line or set a terminal's colours: they are shown escaped.
+pub(crate) fn one_line(text: &str) -> String {
+    let escaped = |c: char| if c.is_control() { c.escape_default().collect() } else { String::from(c) };
+    text.chars().map(escaped).collect()
 }
 
 /// A number of bytes as people write it: `512 B`, `1.4 MiB`.
@@ -96,6 +102,11 @@ mod tests {
         let mut out = Vec::new();
         table.write(&mut out).unwrap();
         assert_eq!(String::from_utf8(out).unwrap(), "id  name    tags\n 1  marble\n12  oak     a=b\n");
+    }
+
+    #[test]
+    fn a_cell_cannot_break_its_line() {
+        assert_eq!(one_line("oak\n\u{1b}[31mred\tä 木"), "oak\\n\\u{1b}[31mred\\tä 木");
     }
 
     #[test]

@@ -1,9 +1,11 @@
 //! `hlacdb tag`, and how `KEY=VALUE` is read everywhere.
 
+use std::collections::BTreeMap;
 use std::str::FromStr;
 
 use clap::Args;
 
+use super::table::one_line;
 use super::values::whole;
 use super::{Context, Failure, Outcome};
 
@@ -18,6 +20,22 @@ impl KeyValue {
     pub(crate) fn into_pair(self) -> (String, String) {
         (self.key, self.value)
     }
+}
+
+/// The tags that are to be given; a key holds one value.
+pub(crate) fn one_value_each(pairs: Vec<KeyValue>) -> Result<BTreeMap<String, String>, Failure> {
+    let mut tags = BTreeMap::new();
+    for KeyValue { key, value } in pairs {
+        match tags.get(&key) {
+            Some(other) if *other != value => {
+                let sentence =
+                    format!("the tag '{key}' is given two values, '{other}' and '{value}', but it holds one");
+                return Err(Failure::Usage(sentence));
+            }
+            _ => tags.insert(key, value),
+        };
+    }
+    Ok(tags)
 }
 
 impl FromStr for KeyValue {
@@ -54,13 +72,14 @@ pub(crate) struct Tag {
 
 impl Tag {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        let set: Vec<(String, String)> = one_value_each(self.tags)?.into_iter().collect();
         let database = context.open_to_write()?;
-        let set: Vec<(String, String)> = self.tags.into_iter().map(KeyValue::into_pair).collect();
         let texture = database.tag(self.id, &set, &self.unset)?;
         if context.json {
             context.print_json(&serde_json::json!({ "id": texture.id, "tags": texture.tags }))?;
         } else {
-            context.note(&format!("{} {}: {}", texture.id, texture.name, super::table::tags(&texture.tags)));
+            let line = format!("{} {}: {}", texture.id, texture.name, super::table::tags(&texture.tags));
+            context.note(&one_line(&line));
         }
         Ok(Outcome::Done)
     }
@@ -69,6 +88,13 @@ impl Tag {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_key_holds_one_value() {
+        let given = |pairs: &[&str]| one_value_each(pairs.iter().map(|pair| pair.parse().unwrap()).collect());
+        assert_eq!(given(&["a=1", "b=2", "a=1"]).unwrap().len(), 2);
+        assert!(matches!(given(&["a=1", "a=2"]), Err(Failure::Usage(_))));
+    }
 
     #[test]
     fn a_value_may_hold_an_equals_sign_but_no_side_may_be_empty() {

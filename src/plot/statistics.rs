@@ -195,6 +195,12 @@ mod tests {
     }
 
     #[test]
+    fn what_reaches_out_of_a_scale_is_cut_off() {
+        let scale = Scale { top: 0.5, high: 30.0, low: 300.0 };
+        assert_eq!([-1.0, 0.0, 0.25, 0.5, 9.0].map(|value| scale.at(value)), [300.0, 300.0, 165.0, 30.0, 30.0]);
+    }
+
+    #[test]
     fn half_of_the_variance_is_counted() {
         assert_eq!(half_of(&[0.6, 0.4]), 1);
         assert_eq!(half_of(&[0.3, 0.3, 0.4]), 2);

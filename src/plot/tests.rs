@@ -46,7 +46,7 @@ fn reported(count: u64, axes: usize) -> StatisticsReport {
         statistics: MomentStatistics {
             count,
             mean: moments(0.4),
-            std: moments(0.1),
+            std: moments(0.5),
             min: if count > 0 { moments(0.1) } else { Vec::new() },
             max: if count > 0 { moments(0.7) } else { Vec::new() },
             leading_share: 0.9,

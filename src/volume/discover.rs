@@ -100,7 +100,7 @@ impl Walk {
         }
         let found = if entry.file_type().is_dir() { self.enter(&entry) } else { self.is_volume(&entry) };
         if !found && entry.file_type().is_file() && !self.is_part(&entry) {
-            self.passed_over += 1;
+            self.passed_over += u64::from(!is_store(&entry));
             tracing::debug!(path = %entry.path().display(), "passed over: no volume by its name");
         }
         found.then(|| Ok(entry.into_path()))
@@ -168,6 +168,12 @@ impl Iterator for Walk {
         }
         None
     }
+}
+
+/// Whether a file is, by its name, a store (or lies beside one and belongs to it): in the folder that is ingested there is
+/// often the one that it goes into.
+fn is_store(entry: &DirEntry) -> bool {
+    entry.file_name().to_string_lossy().contains(".hlacdb")
 }
 
 fn is_hidden(name: &OsStr) -> bool {

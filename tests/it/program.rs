@@ -323,6 +323,33 @@ fn wrong_numbers_and_names_are_told_as_what_they_are() {
 }
 
 #[test]
+fn what_is_shown_stays_on_its_line_and_tags_hold_one_value() {
+    let place = Place::new();
+    let folder = place.textures();
+    place.json(&["ingest", text(&folder), "--tag", "note=a\nb\u{1b}[31m"]);
+    let listed = String::from_utf8(place.run(&["list"]).stdout).unwrap();
+    assert_eq!(listed.lines().count(), 9);
+    assert!(listed.contains("note=a\\nb\\u{1b}[31m") && !listed.contains('\u{1b}'), "{listed}");
+    assert_eq!(place.json(&["list", "--where", "note=a\nb\u{1b}[31m"])["textures"].as_array().unwrap().len(), 8);
+    assert!(place.refused(2, &["tag", "1", "a=1", "a=2"]).contains("two values"));
+    assert!(place.refused(2, &["ingest", text(&folder), "--tag", "a=1", "--tag", "a=2"]).contains("two values"));
+    assert!(place.refused(2, &["--json", "completions", "bash"]).contains("--json"));
+    let mut unset = Command::cargo_bin("hlacdb").unwrap();
+    let output = unset.current_dir(place.folder.path()).env("HLACDB_STORE", "").args(["show", "1"]).output().unwrap();
+    assert!(output.status.success(), "an empty variable names no store: {}", stderr(&output));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_answer_that_cannot_be_written_is_a_failure() {
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("hlacdb"));
+    let output = child.arg("masks").stdout(full).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("the answer could not be written"), "{}", stderr(&output));
+}
+
+#[test]
 fn files_of_unknown_kinds_are_counted() {
     let place = Place::new();
     let folder = place.textures();
