@@ -42,6 +42,9 @@ pub enum Error {
     /// `k` is 0.
     #[error("k is 0, but a query asks for at least one hit: use -k 1 or more")]
     ZeroK,
+    /// A query names no example.
+    #[error("the query names no example: give a volume, the id of a texture or a descriptor")]
+    NoExample,
     /// `within` is negative or not a number.
     #[error("the distance {found} is no bound: use a number of 0 or more")]
     BadDistance {

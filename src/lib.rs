@@ -40,6 +40,7 @@ pub mod eval;
 pub mod hlac;
 pub mod index;
 pub mod ingest;
+mod metric;
 #[path = "../migrations/mod.rs"]
 pub mod migrations;
 mod ordered;
@@ -64,4 +65,4 @@ pub use database::{
 };
 pub use error::{Error, chain};
 pub use progress::Progress;
-pub use query::{Answer, Hit, Query};
+pub use query::{Answer, Combine, Hit, Query, UnknownCombine};

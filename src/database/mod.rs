@@ -11,7 +11,9 @@
 //! - [`Database::reindex`] fits on everything there is.
 
 mod books;
+pub(crate) mod cold;
 mod counts;
+mod kept;
 mod open;
 mod prepare;
 mod search;
@@ -32,8 +34,8 @@ pub use transfer::{Exported, Imported};
 pub use verify::{Compacted, Verified};
 pub use write::Added;
 
-pub(crate) use search::SpaceState;
-pub(crate) use textures::{known_moments, tagged_with_all};
+pub(crate) use search::Ground;
+pub(crate) use textures::known_moments;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -43,6 +45,7 @@ use crate::store::Store;
 
 use books::Books;
 use search::SpaceStates;
+use textures::Filtered;
 
 /// The space that answers where none is named.
 pub const DEFAULT_SPACE: &str = "default";
@@ -72,6 +75,8 @@ pub struct Database {
     spaces: Arc<SpaceStates>,
     /// Held while a state is built, so that threads that ask at once build it once.
     building: Mutex<()>,
+    /// The textures that the last filter let through.
+    filtered: Mutex<Option<Filtered>>,
 }
 
 impl Database {

@@ -101,6 +101,7 @@ impl OpenOptions {
             books: Mutex::new(Books::default()),
             spaces: Arc::default(),
             building: Mutex::new(()),
+            filtered: Mutex::new(None),
         })
     }
 

@@ -1,19 +1,15 @@
 //! Spaces in memory: their points and indexes, kept up with the store.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, RwLock};
+use std::sync::{Arc, Mutex, RwLock};
 
-use rayon::prelude::*;
-
-use super::{Database, held, spaces};
+use super::kept::{KeptPoints, mapped_points};
+use super::{Database, cold, held, spaces};
 use crate::error::Error;
-use crate::hlac::View;
 use crate::index::{Index, KdTree, Method, Metric, Points};
-use crate::space::{self, Recipe, Space};
-use crate::store::{
-    DESCRIPTOR_ROWS, Damage, DescriptorBlock, Reads, Rows, Snapshot, StoreError, ViewCode, point_rows_per_block,
-};
+use crate::space::Space;
+use crate::store::{Reads, Rows, Snapshot};
 
 /// A space's points as of one revision of the store. It never changes: a query sees one state.
 pub(crate) struct SpaceState {
@@ -28,20 +24,29 @@ pub(crate) struct SpaceState {
 
 /// The newest state of each space that was asked for. Shared with the threads that build trees.
 #[derive(Default)]
-pub(super) struct SpaceStates(RwLock<BTreeMap<String, Arc<SpaceState>>>);
+pub(super) struct SpaceStates {
+    newest: RwLock<BTreeMap<String, Arc<SpaceState>>>,
+    /// Spaces about which a question was answered from the file.
+    asked: Mutex<BTreeSet<String>>,
+}
 
 impl SpaceStates {
     fn get(&self, name: &str) -> Option<Arc<SpaceState>> {
-        held(self.0.read()).get(name).cloned()
+        held(self.newest.read()).get(name).cloned()
+    }
+
+    /// Notes that a question was asked of a space; true for the first one.
+    fn is_first(&self, name: &str) -> bool {
+        held(self.asked.lock()).insert(name.to_owned())
     }
 
     fn put(&self, name: &str, state: &Arc<SpaceState>) {
-        held(self.0.write()).insert(name.to_owned(), Arc::clone(state));
+        held(self.newest.write()).insert(name.to_owned(), Arc::clone(state));
     }
 
     /// Gives the newest state of a space a tree that was built over an earlier one of the same points.
     fn install(&self, name: &str, tree: Arc<KdTree>) {
-        let mut states = held(self.0.write());
+        let mut states = held(self.newest.write());
         if let Some(state) = states.get_mut(name) {
             let mut index = state.index.clone();
             if index.install(tree) {
@@ -52,23 +57,28 @@ impl SpaceStates {
     }
 }
 
-impl SpaceState {
-    /// The revision of the store whose points these are.
-    pub(crate) fn revision(&self) -> u64 {
-        self.revision
-    }
+/// Where a question is answered.
+pub(crate) enum Ground {
+    /// From points in memory.
+    Loaded(Arc<SpaceState>),
+    /// From the file; see [`super::cold`].
+    File(Arc<Space>),
+}
 
-    /// The metric of the space.
-    pub(crate) fn metric(&self) -> Metric {
-        metric(&self.space)
+impl Ground {
+    /// The revision of the store whose points these are; of the file, whichever is asked.
+    pub(crate) fn revision(&self) -> Option<u64> {
+        match self {
+            Self::Loaded(state) => Some(state.revision),
+            Self::File(_) => None,
+        }
     }
 }
 
-/// The index's word for a space's metric.
-pub(super) fn metric(space: &Space) -> Metric {
-    match space.metric() {
-        space::Metric::L2 => Metric::L2,
-        space::Metric::L1 => Metric::L1,
+impl SpaceState {
+    /// The metric of the space.
+    pub(crate) fn metric(&self) -> Metric {
+        self.space.metric()
     }
 }
 
@@ -79,6 +89,26 @@ pub type IdPoint = (u64, Vec<f32>);
 const QUESTIONS_WORTH_A_TREE: u64 = 8;
 
 impl Database {
+    /// Where `questions` questions about a space are answered: a single one, if it is the first and does not ask for a
+    /// tree, from the file where that is possible; else from points in memory.
+    pub(crate) fn ground(
+        &self,
+        snapshot: &Snapshot,
+        name: &str,
+        method: Method,
+        questions: u64,
+    ) -> Result<Ground, Error> {
+        let single = questions == 1 && method != Method::KdTree && self.spaces.get(name).is_none();
+        if single && self.spaces.is_first(name) {
+            let space = Arc::new(spaces::load(snapshot, name)?);
+            if cold::is_possible(snapshot, name, &space)? {
+                return Ok(Ground::File(space));
+            }
+        }
+        let state = self.state(snapshot, name)?;
+        Ok(Ground::Loaded(self.with_tree(state, name, method, questions)))
+    }
+
     /// The state of a space at the revision of `snapshot`, or a later one.
     ///
     /// Where only few textures came or went since the last question, the points are brought up to date; else they are
@@ -107,13 +137,7 @@ impl Database {
     ///
     /// By name (`kdtree`), the tree is built before the question is answered. By itself, it is built on a thread of its
     /// own once a few questions were asked, and questions are answered by the scan meanwhile.
-    pub(crate) fn with_tree(
-        &self,
-        state: Arc<SpaceState>,
-        name: &str,
-        method: Method,
-        questions: u64,
-    ) -> Arc<SpaceState> {
+    fn with_tree(&self, state: Arc<SpaceState>, name: &str, method: Method, questions: u64) -> Arc<SpaceState> {
         let asked = state.asked.fetch_add(questions, Ordering::Relaxed) + questions;
         if !state.index.should_rebuild() && (state.index.covered() > 0 || method != Method::KdTree) {
             return state;
@@ -159,7 +183,7 @@ impl Database {
 fn loaded(snapshot: &Snapshot, name: &str, space: Arc<Space>) -> Result<SpaceState, Error> {
     let rows = snapshot.rows()?;
     let (ids, coordinates) = points_from(snapshot, name, &space, &rows, 0)?;
-    let points = Points::from_rows(metric(&space), space.dims(), &ids, &coordinates)?;
+    let points = Points::from_rows(space.metric(), space.dims(), &ids, &coordinates)?;
     let index = Index::from_points(points);
     Ok(SpaceState { revision: snapshot.revision(), space, index, asked: Arc::default() })
 }
@@ -198,117 +222,15 @@ fn points_from(
             coordinates.extend_from_slice(point);
         }
     };
-    let kept = kept_points(snapshot, name, space, first, &mut take)?;
+    let kept = match KeptPoints::of(snapshot, name, space)? {
+        Some(kept) => {
+            kept.each(first, |row, _, point| take(row, point))?;
+            kept.rows()
+        }
+        None => 0,
+    };
     for (row, point) in mapped_points(snapshot, space, kept.max(first)..rows.len())? {
         take(row, &point);
     }
     Ok((ids, coordinates))
-}
-
-/// Hands over the kept points of the rows from `first` on; returns the first row whose point is not kept.
-pub(super) fn kept_points(
-    snapshot: &Snapshot,
-    name: &str,
-    space: &Space,
-    first: usize,
-    take: &mut impl FnMut(usize, &[f32]),
-) -> Result<usize, Error> {
-    let Some(layout) = snapshot.points_layout(name)? else { return Ok(0) };
-    if layout.widths.iter().map(|&width| usize::from(width)).sum::<usize>() != space.dims() {
-        return Ok(0);
-    }
-    let kept = layout.rows as usize;
-    // Parts have blocks of different lengths: each part is read as a stream of rows.
-    let mut parts: Vec<PartRows<'_>> = (0..layout.widths.len() as u8)
-        .map(|part| PartRows { snapshot, name, layout: &layout, part, block: None, values: Vec::new() })
-        .collect();
-    let mut point = Vec::with_capacity(space.dims());
-    for row in first..kept {
-        point.clear();
-        for part in &mut parts {
-            point.extend_from_slice(part.row(row)?);
-        }
-        take(row, &point);
-    }
-    Ok(kept)
-}
-
-/// One part of the kept points, read block by block.
-struct PartRows<'a> {
-    snapshot: &'a Snapshot,
-    name: &'a str,
-    layout: &'a crate::store::PointsLayout,
-    part: u8,
-    block: Option<u32>,
-    values: Vec<f32>,
-}
-
-impl PartRows<'_> {
-    fn row(&mut self, row: usize) -> Result<&[f32], Error> {
-        let width = self.layout.widths.get(usize::from(self.part)).map_or(1, |&width| usize::from(width));
-        let per_block = point_rows_per_block(width);
-        let block = (row / per_block) as u32;
-        if self.block != Some(block) {
-            self.values = self.snapshot.points(self.name, self.layout, self.part, block)?;
-            self.block = Some(block);
-        }
-        let at = row % per_block * width;
-        let missing = || {
-            StoreError::Damage(Damage {
-                table: "points",
-                key: format!("space {}, block {block}", self.name),
-                what: "a row is missing".into(),
-            })
-        };
-        Ok(self.values.get(at..at + width).ok_or_else(missing)?)
-    }
-}
-
-/// Row and point of those rows of a range that have a point, mapped from their moments by `space`.
-pub(super) fn mapped_points(
-    state: &impl Reads,
-    space: &Space,
-    rows: std::ops::Range<usize>,
-) -> Result<Vec<(usize, Vec<f32>)>, Error> {
-    if rows.is_empty() {
-        return Ok(Vec::new());
-    }
-    let mut mapped = Vec::with_capacity(rows.len());
-    for block in rows.start / DESCRIPTOR_ROWS..rows.end.div_ceil(DESCRIPTOR_ROWS) {
-        let moments = BlockMoments::read(state, space.recipe(), block as u32)?;
-        let first = block * DESCRIPTOR_ROWS;
-        let within = first.max(rows.start)..(first + DESCRIPTOR_ROWS).min(rows.end);
-        let points: Result<Vec<_>, Error> = within
-            .into_par_iter()
-            .filter_map(|row| Some(moments.point(space, row - first).transpose()?.map(|point| (row, point))))
-            .collect();
-        mapped.extend(points?);
-    }
-    Ok(mapped)
-}
-
-/// The moments of one block of rows in the views of a recipe.
-pub(super) struct BlockMoments {
-    views: Vec<(View, Option<DescriptorBlock>)>,
-}
-
-impl BlockMoments {
-    pub(super) fn read(state: &impl Reads, recipe: &Recipe, block: u32) -> Result<Self, Error> {
-        let read = |&view: &View| Ok((view, state.descriptors(ViewCode(view.code()), block)?));
-        Ok(Self { views: recipe.views().iter().map(read).collect::<Result<_, Error>>()? })
-    }
-
-    /// The moments of a row of the block in a view.
-    pub(super) fn row(&self, view: View, row: usize) -> Option<&[f32; crate::hlac::MASK_COUNT]> {
-        self.views.iter().find(|(other, _)| *other == view)?.1.as_ref()?.row(row)
-    }
-
-    /// The point of a row of the block; `None` where it has none of the views.
-    fn point(&self, space: &Space, row: usize) -> Result<Option<Vec<f32>>, Error> {
-        let recipe = space.recipe();
-        if recipe.views().iter().all(|&view| self.row(view, row).is_none()) {
-            return Ok(None);
-        }
-        Ok(Some(space.point(&recipe.features(|view| self.row(view, row))?)?))
-    }
 }

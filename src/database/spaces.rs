@@ -4,16 +4,12 @@ use std::sync::{Arc, LazyLock};
 
 use super::books::{self, Books};
 use super::prepare::{contributions, views, with_full};
-use super::search::mapped_points;
 use super::{DEFAULT_SPACE, Database};
 use crate::error::Error;
 use crate::hlac::{self, View};
 use crate::progress::Progress;
 use crate::space::{Contribution, Definition, Prior, Recipe, Space, Statistics};
-use crate::store::{DESCRIPTOR_ROWS, Reads, StoreError, Transaction, ViewCode};
-
-/// How many coordinates of a point are kept apart from the rest, so that a cold question reads few bytes.
-const LEADING: usize = 8;
+use crate::store::{Reads, StoreError, Transaction, ViewCode};
 
 /// The definitions of a store's spaces, each restricted to the views that the store keeps.
 ///
@@ -89,36 +85,7 @@ pub(super) fn fit(transaction: &mut Transaction, statistics: &[Statistics], epoc
 /// Keeps the points of the default space of every row that has none yet.
 pub(super) fn keep_points(transaction: &mut Transaction) -> Result<(), Error> {
     let space = load(transaction, DEFAULT_SPACE)?;
-    let leading = LEADING.min(space.dims());
-    let rest = space.dims() - leading;
-    if transaction.points_layout(DEFAULT_SPACE)?.is_none() {
-        let widths: Vec<u16> =
-            [leading, rest].into_iter().filter(|&width| width > 0).map(|width| width as u16).collect();
-        transaction.begin_points(DEFAULT_SPACE, &widths)?;
-    }
-    let rows = transaction.counts().rows as usize;
-    let mut next = transaction.points_layout(DEFAULT_SPACE)?.map_or(0, |layout| layout.rows as usize);
-    // Block by block, so that a million rows take little memory.
-    while next < rows {
-        let end = ((next / DESCRIPTOR_ROWS + 8) * DESCRIPTOR_ROWS).min(rows);
-        let (mut first, mut second) = (vec![f32::NAN; (end - next) * leading], vec![f32::NAN; (end - next) * rest]);
-        for (row, point) in mapped_points(transaction, &space, next..end)? {
-            let (head, tail) = point.split_at(leading.min(point.len()));
-            let at = row - next;
-            copy(&mut first, at * leading, head);
-            copy(&mut second, at * rest, tail);
-        }
-        let parts: Vec<&[f32]> = if rest > 0 { vec![&first, &second] } else { vec![&first] };
-        transaction.append_points(DEFAULT_SPACE, &parts)?;
-        next = end;
-    }
-    Ok(())
-}
-
-fn copy(into: &mut [f32], at: usize, values: &[f32]) {
-    if let Some(place) = into.get_mut(at..at + values.len()) {
-        place.copy_from_slice(values);
-    }
+    super::kept::keep_points(transaction, DEFAULT_SPACE, &space)
 }
 
 /// How [`Database::reindex`] goes about it.

@@ -3,14 +3,15 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use serde::{Serialize, Serializer};
 
-use super::Database;
 use super::prepare::{BlockOf, views};
+use super::{Database, held};
 use crate::error::Error;
 use crate::hlac::{MASK_COUNT, Sums, View};
-use crate::store::{Provenance, Reads, Record, StoreError, ViewCode};
+use crate::store::{Provenance, Reads, Record, Snapshot, StoreError, ViewCode};
 use crate::volume::{Shape, Volume, display_path};
 
 /// The identity of a texture's content, written as 64 hexadecimal digits.
@@ -166,8 +167,37 @@ fn known(state: &impl Reads, id: u64) -> Result<(), Error> {
     Ok(())
 }
 
+/// The textures that a filter let through at a revision of the store.
+pub(super) struct Filtered {
+    revision: u64,
+    filters: Vec<(String, String)>,
+    ids: Arc<Vec<u64>>,
+}
+
+impl Database {
+    /// The ids, ascending, of the textures that carry all of these tags; `None` where no tag is asked for. What the last
+    /// filter gave is kept: queries often come in rows.
+    pub(crate) fn tagged(
+        &self,
+        snapshot: &Snapshot,
+        filters: &[(String, String)],
+    ) -> Result<Option<Arc<Vec<u64>>>, Error> {
+        if filters.is_empty() {
+            return Ok(None);
+        }
+        let fits = |last: &&Filtered| last.revision == snapshot.revision() && last.filters == filters;
+        if let Some(last) = held(self.filtered.lock()).as_ref().filter(fits) {
+            return Ok(Some(Arc::clone(&last.ids)));
+        }
+        let ids = Arc::new(tagged_with_all(snapshot, filters)?.unwrap_or_default());
+        let (revision, filters) = (snapshot.revision(), filters.to_vec());
+        *held(self.filtered.lock()) = Some(Filtered { revision, filters, ids: Arc::clone(&ids) });
+        Ok(Some(ids))
+    }
+}
+
 /// The ids, ascending, of the textures that carry all of these tags; `None` where no tag is asked for.
-pub(crate) fn tagged_with_all(state: &impl Reads, filters: &[(String, String)]) -> Result<Option<Vec<u64>>, Error> {
+pub(super) fn tagged_with_all(state: &impl Reads, filters: &[(String, String)]) -> Result<Option<Vec<u64>>, Error> {
     let mut allowed: Option<Vec<u64>> = None;
     for (key, value) in filters {
         let ids = state.tagged(key, value)?;

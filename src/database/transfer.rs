@@ -7,7 +7,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::search::BlockMoments;
+use super::kept::BlockMoments;
 use super::{DEFAULT_SPACE, Database};
 use crate::arrays::{MomentRows, NpyRows};
 use crate::error::Error;

@@ -5,12 +5,13 @@ use std::ops::ControlFlow;
 
 use serde::Serialize;
 
+use super::kept::{KeptPoints, mapped_points};
 use super::prepare::{views, with_full};
-use super::search::{kept_points, mapped_points};
 use super::write::all_contributions;
 use super::{DEFAULT_SPACE, Database, books, held, spaces};
 use crate::error::Error;
 use crate::hlac::{self, View};
+use crate::index::key;
 use crate::progress::Progress;
 use crate::store::{self, Damage, Reads, Record, Snapshot, StoreError, ViewCode};
 use crate::volume::Volume;
@@ -201,8 +202,17 @@ fn check_points(
     };
     let rows = snapshot.rows()?;
     let mut kept: Vec<(usize, Vec<f32>)> = Vec::new();
-    let count = kept_points(snapshot, DEFAULT_SPACE, &space, 0, &mut |row, point| kept.push((row, point.to_vec())))?;
-    kept.retain(|(row, point)| rows.is_live(*row) && point.iter().all(|coordinate| coordinate.is_finite()));
+    let points = KeptPoints::of(snapshot, DEFAULT_SPACE, &space)?;
+    let count = points.as_ref().map_or(0, KeptPoints::rows);
+    if let Some(points) = points {
+        points.each(0, |row, kept_key, point| {
+            if rows.is_live(row) && point.iter().all(|coordinate| coordinate.is_finite()) {
+                // A key that is not the point's hides the texture from questions: a point that no descriptor gives.
+                let whole = kept_key == key(space.metric(), point);
+                kept.push((row, if whole { point.to_vec() } else { Vec::new() }));
+            }
+        })?;
+    }
     let mut mapped = mapped_points(snapshot, &space, 0..count)?;
     mapped.retain(|(row, _)| rows.is_live(*row));
     for (kept, mapped) in kept.iter().zip(&mapped) {

@@ -223,7 +223,7 @@ pub(super) fn all_contributions(state: &impl Reads, recipe: &Recipe) -> Result<V
     let rows = state.rows()?;
     let mut parts = Vec::with_capacity(rows.len());
     for block in 0..state.descriptor_blocks() {
-        let moments = super::search::BlockMoments::read(state, recipe, block)?;
+        let moments = super::kept::BlockMoments::read(state, recipe, block)?;
         let first = block as usize * DESCRIPTOR_ROWS;
         for row in (first..first + DESCRIPTOR_ROWS).filter(|&row| rows.is_live(row)) {
             parts.extend(Contribution::of_moments(recipe, |view| moments.row(view, row - first))?);

@@ -87,6 +87,11 @@ impl KeyShape {
         self.axes.iter().map(|&axis| point[axis]).chain(norm).chain(zeros).take(self.width())
     }
 
+    /// Numbers of a key that say something: those taken as they are, and the norm.
+    pub(super) fn told(&self) -> usize {
+        self.axes.len() + usize::from(self.has_rest())
+    }
+
     /// Whether the last number of a key is a rounded norm.
     pub(super) fn has_rest(&self) -> bool {
         !self.rest.is_empty()

@@ -1,39 +1,13 @@
 //! Definitions: what a space is to be, before it is fitted.
 
-use std::fmt;
-
 use serde::{Deserialize, Serialize};
 
 use super::{Form, Recipe, SpaceError};
 use crate::hlac::View;
+use crate::metric::Metric;
 
 /// The most coordinates that a likeness space can have: as many directions as its fit keeps.
 pub const MAX_DIMS: usize = 128;
-
-/// How far apart two points are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Metric {
-    /// The sum of the absolute differences.
-    L1,
-    /// The root of the sum of the squared differences.
-    L2,
-}
-
-impl Metric {
-    /// `L1` or `L2`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::L1 => "L1",
-            Self::L2 => "L2",
-        }
-    }
-}
-
-impl fmt::Display for Metric {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
 
 /// What a space makes of features.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -30,7 +30,7 @@
 //! same features the same point, to the bit, on every machine (no fused or reassociated arithmetic, no run-time choice
 //! of instructions, square and cube roots of our own or exactly rounded ones).
 //!
-//! Imports [`crate::hlac`] and [`crate::volume`]. When not to use it: to find neighbours, which is the index's work.
+//! Imports [`crate::hlac`] and [`crate::volume`], and the metric that stands on the ground. When not to use it: to find neighbours, which is the index's work.
 
 mod bytes;
 mod definition;
@@ -47,7 +47,8 @@ mod roots;
 mod scatter;
 mod statistics;
 
-pub use definition::{Definition, Kind, MAX_DIMS, Metric};
+pub use crate::metric::Metric;
+pub use definition::{Definition, Kind, MAX_DIMS};
 pub use error::SpaceError;
 pub use explain::{Explanation, Share};
 pub use fitted::{Axis, Drift, Space};

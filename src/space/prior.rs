@@ -2,9 +2,10 @@
 //!
 //! A prior is fitted on a large set of synthetic textures and copies of them under nuisances ([`Observations`]) and
 //! shipped with the program ([`Prior::shipped`]); `cargo run --release --example fit_prior` makes the shipped one anew.
-//! It has what likeness spaces need: mean, `T`, `O` and `N` of the pooled features of the seven views of likeness (and
-//! so of any part of these views), and mean, `T` and `O` of the degree roots of `stretch@1`. Other recipes have no
-//! prior: their spaces are fitted on the store's own statistics alone.
+//! It has what likeness spaces need: mean, `T`, `O` and `N` of the pooled features of `full@1` and the seven views of
+//! likeness (and so of any part of these eight: a store of imported `full@1` alone has its prior too), and mean, `T` and
+//! `O` of the degree roots of `stretch@1`. Other recipes have no prior: their spaces are fitted on the store's own
+//! statistics alone.
 //!
 //! In a likeness fit the prior counts as [`WEIGHT`] textures, and its octants as theirs. The weight was chosen on
 //! `datasets/families.toml` by `examples/quality.rs`, with each query's family left out of the prior and of the store's
@@ -33,9 +34,9 @@
 //! ```text
 //! textures   u64
 //! pairs      u64          textures with a copy
-//! mean       f64 list     245
-//! sd         f64 list     245
-//! T, O, N    f32 lists    245 * 246 / 2 each
+//! mean       f64 list     280
+//! sd         f64 list     280
+//! T, O, N    f32 lists    280 * 281 / 2 each
 //! oriented: mean f64 list (18), T f64 list, O f64 list (one each for an orbit of pairs)
 //! ```
 
@@ -125,7 +126,7 @@ impl Prior {
     /// [`SpaceError::Damaged`], [`SpaceError::Version`].
     pub fn decode(bytes: &[u8]) -> Result<Self, SpaceError> {
         let mut reader = Reader::new(PRIOR, bytes)?;
-        let dims = Recipe::pooled().dims();
+        let dims = Recipe::stored().dims();
         let triangle = Scatter::length(dims);
         let pairs = PairOrbits::new().count;
         let textures = reader.u64()?;
@@ -145,9 +146,9 @@ impl Prior {
     }
 }
 
-/// Where the features of a recipe are among those of [`Recipe::pooled`].
+/// Where the features of a recipe are among those of [`Recipe::stored`].
 fn selection(recipe: &Recipe) -> Option<Vec<usize>> {
-    let all = Recipe::pooled();
+    let all = Recipe::stored();
     let width = Form::Pooled.per_view();
     if recipe.form() != Form::Pooled {
         return None;
@@ -247,21 +248,21 @@ pub struct Observations {
 impl Default for Observations {
     fn default() -> Self {
         Self {
-            pooled: Statistics::new(&Recipe::pooled()),
-            nuisance: Nuisance::new(&Recipe::pooled()),
+            pooled: Statistics::new(&Recipe::stored()),
+            nuisance: Nuisance::new(&Recipe::stored()),
             oriented: Statistics::new(&Recipe::oriented()),
         }
     }
 }
 
 impl Observations {
-    /// Adds a texture and copies of it under nuisances, turns among them. One that is too small for all seven views is
+    /// Adds a texture and copies of it under nuisances, turns among them. One that is too small for all eight views is
     /// not counted.
     ///
     /// # Errors
     /// None that volumes can give.
     pub fn add(&mut self, texture: &Volume, copies: &[Volume]) -> Result<(), SpaceError> {
-        let recipe = Recipe::pooled();
+        let recipe = Recipe::stored();
         let described = hlac::describe(texture, recipe.views());
         let oriented = Contribution::of_sums(&Recipe::oriented(), &described)?;
         let (Some(pooled), Some(oriented)) = (Contribution::of_sums(&recipe, &described)?, oriented) else {

@@ -111,6 +111,11 @@ impl Recipe {
         Self { form: Form::Pooled, views: View::LIKENESS.to_vec() }
     }
 
+    /// The 280 pooled features of the eight views that a store keeps unless told otherwise: what the shipped prior knows.
+    pub(super) fn stored() -> Self {
+        Self { form: Form::Pooled, views: View::DEFAULT_STORED.to_vec() }
+    }
+
     /// The form.
     pub fn form(&self) -> Form {
         self.form

@@ -1,4 +1,5 @@
-//! The one way in which a distance is computed, and the one way in which hits are ordered.
+//! [`Metric`]: the one way in which a distance is computed. It stands on the ground, for spaces name their metric and
+//! the index measures by it.
 //!
 //! A distance is defined to the bit: coordinates are widened to `f64` and subtracted there; the squares (L2) or
 //! absolute values (L1) of coordinate `i` are added, in ascending `i`, to lane `i % 8`; lanes are added as
@@ -6,12 +7,11 @@
 //! reorders nor contracts them, so every CPU, index and thread gives the same bits, and the fixed lanes let the
 //! compiler use whatever vector width the target has.
 
-use std::cmp::Ordering;
 use std::fmt;
 use std::str::FromStr;
 
 /// How far two points are apart.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum Metric {
     /// The square root of the sum of squared differences.
     L2,
@@ -23,11 +23,11 @@ pub enum Metric {
 const LANES: usize = 8;
 
 impl Metric {
-    /// `l2` or `l1`.
-    pub fn name(self) -> &'static str {
+    /// `L2` or `L1`.
+    pub const fn name(self) -> &'static str {
         match self {
-            Metric::L2 => "l2",
-            Metric::L1 => "l1",
+            Metric::L2 => "L2",
+            Metric::L1 => "L1",
         }
     }
 
@@ -49,7 +49,7 @@ impl Metric {
     }
 
     /// The distance of a point from the origin, by the same definition.
-    pub(super) fn norm(self, a: impl Iterator<Item = f32>) -> f64 {
+    pub(crate) fn norm(self, a: impl Iterator<Item = f32>) -> f64 {
         let a = a.map(f64::from);
         match self {
             Metric::L2 => a.map(|v| v * v).sum::<f64>().sqrt(),
@@ -78,13 +78,13 @@ fn sum(a: &[f32], b: &[f32], term: impl Fn(f64) -> f64) -> f64 {
 
 impl fmt::Display for Metric {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+        f.pad(self.name())
     }
 }
 
 /// A name that no metric has.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no metric {0:?}: use l2 or l1")]
+#[error("there is no metric {0:?}: use L2 or L1")]
 pub struct UnknownMetric(String);
 
 impl FromStr for Metric {
@@ -92,44 +92,12 @@ impl FromStr for Metric {
 
     fn from_str(name: &str) -> Result<Self, UnknownMetric> {
         match name {
-            "l2" => Ok(Metric::L2),
-            "l1" => Ok(Metric::L1),
+            "L2" | "l2" => Ok(Metric::L2),
+            "L1" | "l1" => Ok(Metric::L1),
             _ => Err(UnknownMetric(name.to_owned())),
         }
     }
 }
-
-/// One hit: a texture's id and how far its point lies from the one asked for.
-///
-/// Neighbours are ordered by distance, then by id: the rule by which every answer is sorted and by which ties at rank
-/// `k` are resolved.
-#[derive(Debug, Clone, Copy)]
-pub struct Neighbour {
-    /// The id that the row was added with.
-    pub id: u64,
-    /// The distance, by [`Metric::distance`].
-    pub distance: f64,
-}
-
-impl Ord for Neighbour {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.distance.total_cmp(&other.distance).then(self.id.cmp(&other.id))
-    }
-}
-
-impl PartialOrd for Neighbour {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Neighbour {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Neighbour {}
 
 #[cfg(test)]
 mod tests {
@@ -170,13 +138,6 @@ mod tests {
         let differences = a.iter().zip(&b).map(|(&a, &b)| f64::from(a) - f64::from(b));
         assert!((Metric::L2.distance(&a, &b) - differences.map(|d| d * d).sum::<f64>().sqrt()).abs() < 1e-12);
         assert_eq!(Metric::L2.distance(&[1e30, 0.0], &[-1e30, 1e-30]), f64::from(1e30f32) * 2.0);
-    }
-
-    #[test]
-    fn ties_go_to_the_lower_id() {
-        let mut hits = [(7, 0.5), (3, 0.5), (9, 0.25)].map(|(id, distance)| Neighbour { id, distance });
-        hits.sort();
-        assert_eq!(hits.map(|hit| hit.id), [9, 3, 7]);
     }
 
     #[test]
