@@ -2,7 +2,8 @@
 //!
 //! For 600 to a million points of 32 coordinates it first prints medians and 95th percentiles over a thousand questions
 //! that are no rows, linear and k-d tree in one run, after checking that both give the same bits. Then criterion
-//! measures the same for comparison between versions (`cargo bench --bench query -- index/100000` for a part).
+//! measures the same for comparison between versions (`cargo bench --bench query -- index/100000` for a part), and whole
+//! questions to a database of 600 textures, names and tags read from the store (`-- database`).
 
 // A bench that cannot set up its input has nothing to say.
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
@@ -14,7 +15,9 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
+use hlacdb::hlac::View;
 use hlacdb::index::{Index, KdTree, Method, Metric, Points, Question};
+use hlacdb::{OpenOptions, Query};
 use points::{DIMS, Origin};
 
 const SIZES: [usize; 4] = [600, 10_000, 100_000, 1_000_000];
@@ -87,5 +90,35 @@ fn index_benches(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, index_benches);
+/// The paper's question: the top 30 of 600, names and tags included.
+fn database_benches(criterion: &mut Criterion) {
+    let folder = tempfile::tempdir().unwrap();
+    let database = OpenOptions::new().views(&[View::Full]).open(folder.path().join("t.hlacdb")).unwrap();
+    let rows: Vec<f32> =
+        (0..600 * 251).map(|at| (at as f32 * 0.618_034).fract() * 0.5 + (at / 251 % 7) as f32 * 0.05).collect();
+    let array = folder.path().join("rows.npy");
+    hlacdb::arrays::write_npy(&array, &[600, 251], &rows).unwrap();
+    let tags = [("family".to_owned(), "drawn".to_owned())].into();
+    database.import(&array, &[View::Full], None, &tags, &()).unwrap();
+    let ask = |id: u64| database.query(&Query::texture(id).k(30)).unwrap();
+    let times = (0..2000).map(|at| {
+        let start = Instant::now();
+        black_box(ask(1 + at % 600));
+        start.elapsed()
+    });
+    println!("     600  30 names and tags included {}", figures(times.collect()));
+    let mut group = criterion.benchmark_group("database");
+    let mut ids = (1..=600).cycle();
+    group.bench_function("top 30 of 600", |bench| {
+        bench.iter_batched(|| ids.next().unwrap(), ask, BatchSize::SmallInput);
+    });
+    let mut ids = (1..=600).cycle();
+    group.bench_function("top 30 of 600, filtered", |bench| {
+        let ask = |id| database.query(&Query::texture(id).k(30).filter("family", "drawn")).unwrap();
+        bench.iter_batched(|| ids.next().unwrap(), ask, BatchSize::SmallInput);
+    });
+    group.finish();
+}
+
+criterion_group!(benches, database_benches, index_benches);
 criterion_main!(benches);

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::Path;
 
-use npyz::{DType, NpyFile, WriterBuilder};
+use npyz::{DType, WriterBuilder};
 
 use crate::error::Error;
 use crate::hlac::MASK_COUNT;
@@ -85,51 +85,62 @@ impl<T: npyz::AutoSerialize> NpyRows<T> {
     }
 }
 
-/// A numpy array of moments, (N, 251) or (251,), f32 or f64 of either byte order, read row by row.
+/// A numpy array of moments, (N, 251 V) or (251 V,), f32 or f64 of either byte order, read row by row in constant memory:
+/// the 251 moments of each of V views, side by side.
 pub struct MomentRows {
     shown: String,
     left: u64,
-    values: Box<dyn Iterator<Item = std::io::Result<f32>> + Send>,
+    file: BufReader<File>,
+    decode: fn(&[u8], &mut Vec<f32>),
+    /// The bytes of one row.
+    bytes: Vec<u8>,
 }
 
 impl MomentRows {
-    /// Opens the array and reads its header.
+    /// Opens an array of one view and reads its header.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::ArrayShape`] where the array is of another shape or type.
     pub fn open(path: &Path) -> Result<Self, Error> {
+        Self::open_views(path, 1)
+    }
+
+    /// Opens an array of so many views, at least 1, and reads its header.
+    ///
+    /// # Errors
+    /// As [`MomentRows::open`].
+    pub fn open_views(path: &Path, views: usize) -> Result<Self, Error> {
         let shown = display_path(path);
         let failed = |source| Error::io(format!("reading {shown}"), source);
-        let file: Box<dyn Read + Send> = Box::new(BufReader::with_capacity(1 << 20, File::open(path).map_err(failed)?));
-        let npy = NpyFile::new(file).map_err(failed)?;
+        let mut file = BufReader::with_capacity(1 << 20, File::open(path).map_err(failed)?);
+        let header = npyz::NpyHeader::from_reader(&mut file).map_err(failed)?;
+        let columns = views * MASK_COUNT;
         let wrong = |found: String| Error::ArrayShape {
             path: shown.clone(),
             found,
-            expected: format!("an array of shape (N, {MASK_COUNT}) or ({MASK_COUNT},) in C order"),
+            expected: format!("an array of shape (N, {columns}) or ({columns},) in C order, of f32 or f64"),
         };
-        let left = match *npy.shape() {
-            [columns] if columns == MASK_COUNT as u64 => 1,
-            [rows, columns] if columns == MASK_COUNT as u64 => rows,
+        let left = match *header.shape() {
+            [found] if found == columns as u64 => 1,
+            [rows, found] if found == columns as u64 => rows,
             ref other => return Err(wrong(format!("of shape {other:?}"))),
         };
-        if npy.order() == npyz::Order::Fortran && left > 1 {
+        if header.order() == npyz::Order::Fortran && left > 1 {
             return Err(wrong("in Fortran order".into()));
         }
-        let ty = match npy.dtype() {
-            DType::Plain(ty) => ty.clone(),
+        let ty = match header.dtype() {
+            DType::Plain(ty) => ty,
             other => return Err(wrong(format!("of type {}", other.descr()))),
         };
-        let values: Box<dyn Iterator<Item = std::io::Result<f32>> + Send> = match (ty.type_char(), ty.num_bytes()) {
-            (npyz::TypeChar::Float, Some(4)) => {
-                Box::new(npy.data::<f32>().map_err(|e| failed(std::io::Error::other(e)))?)
-            }
-            (npyz::TypeChar::Float, Some(8)) => {
-                let values = npy.data::<f64>().map_err(|e| failed(std::io::Error::other(e)))?;
-                Box::new(values.map(|value| value.map(|value| value as f32)))
-            }
+        let big = ty.endianness() == npyz::Endianness::Big;
+        let (decode, width): (fn(&[u8], &mut Vec<f32>), usize) = match (ty.type_char(), ty.num_bytes(), big) {
+            (npyz::TypeChar::Float, Some(4), false) => (|b, out| decode(b, out, f32::from_le_bytes), 4),
+            (npyz::TypeChar::Float, Some(4), true) => (|b, out| decode(b, out, f32::from_be_bytes), 4),
+            (npyz::TypeChar::Float, Some(8), false) => (|b, out| decode(b, out, |v| f64::from_le_bytes(v) as f32), 8),
+            (npyz::TypeChar::Float, Some(8), true) => (|b, out| decode(b, out, |v| f64::from_be_bytes(v) as f32), 8),
             _ => return Err(wrong(format!("of type {ty}"))),
         };
-        Ok(Self { shown, left, values })
+        Ok(Self { shown, left, file, decode, bytes: vec![0; columns * width] })
     }
 
     /// How many rows are still to come.
@@ -142,23 +153,28 @@ impl MomentRows {
         self.left == 0
     }
 
-    fn row(&mut self) -> Result<[f32; MASK_COUNT], Error> {
-        let mut row = [0.0; MASK_COUNT];
-        for value in &mut row {
-            *value = match self.values.next() {
-                Some(Ok(value)) => value,
-                Some(Err(source)) => return Err(Error::io(format!("reading {}", self.shown), source)),
-                None => {
-                    return Err(Error::io(format!("reading {}", self.shown), std::io::ErrorKind::UnexpectedEof.into()));
-                }
-            };
-        }
-        Ok(row)
+    fn row(&mut self) -> Result<Vec<[f32; MASK_COUNT]>, Error> {
+        self.file.read_exact(&mut self.bytes).map_err(|source| {
+            let left = self.left + 1;
+            Error::io(
+                format!("reading {}, which ends before the last {left} rows that its header promises,", self.shown),
+                source,
+            )
+        })?;
+        let mut values = Vec::with_capacity(self.bytes.len() / 4);
+        (self.decode)(&self.bytes, &mut values);
+        Ok(values.as_chunks().0.to_vec())
     }
 }
 
+/// Numbers from their bytes.
+fn decode<const N: usize>(bytes: &[u8], out: &mut Vec<f32>, number: impl Fn([u8; N]) -> f32) {
+    out.extend(bytes.as_chunks::<N>().0.iter().map(|&bytes| number(bytes)));
+}
+
+/// The moments of a row, view after view.
 impl Iterator for MomentRows {
-    type Item = Result<[f32; MASK_COUNT], Error>;
+    type Item = Result<Vec<[f32; MASK_COUNT]>, Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
         self.left = self.left.checked_sub(1)?;
@@ -170,12 +186,12 @@ impl Iterator for MomentRows {
     }
 }
 
-/// A whole array of moments.
+/// A whole array of moments of one view.
 ///
 /// # Errors
 /// As [`MomentRows`].
 pub fn read_moments(path: &Path) -> Result<Vec<[f32; MASK_COUNT]>, Error> {
-    MomentRows::open(path)?.collect()
+    MomentRows::open(path)?.map(|row| Ok(row?.first().copied().unwrap_or([0.0; MASK_COUNT]))).collect()
 }
 
 /// Writes a text file whole.

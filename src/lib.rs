@@ -59,9 +59,9 @@ pub mod volume;
 struct Readme;
 
 pub use database::{
-    Added, AxisReport, BlockOf, Compacted, ContentHash, DEFAULT_SPACE, Database, DriftReport, Exported, IdPoint,
-    Imported, Meta, MomentStatistics, OpenOptions, Prepared, Reindex, Reindexed, SettingsReport, SpaceReport,
-    StatisticsReport, Texture, Verified,
+    Added, AxisReport, BlockOf, Compacted, ContentHash, DEFAULT_SPACE, DUPLICATE_DISTANCE, Database, DriftReport,
+    Exported, IdPoint, Imported, Meta, MomentStatistics, NearPair, OpenOptions, Prepared, Reindex, Reindexed,
+    SettingsReport, SpaceReport, StatisticsReport, Texture, Verified,
 };
 pub use error::{Error, chain};
 pub use progress::Progress;

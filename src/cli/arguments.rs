@@ -55,6 +55,8 @@ enum Command {
     Synth(synth::Synth),
     /// The k textures most alike to a file, a stored texture or a descriptor
     Query(query::Query),
+    /// Pairs of textures that are nearly the same
+    Dedupe(dedupe::Dedupe),
     /// The 251 exact sums and moments of files, without a store
     Extract(extract::Extract),
     /// What the store holds: sizes, space, normalisation statistics, settings
@@ -114,6 +116,7 @@ impl Cli {
             Command::Ingest(command) => command.run(context),
             Command::Synth(command) => command.run(context),
             Command::Query(command) => command.run(context),
+            Command::Dedupe(command) => command.run(context),
             Command::Extract(command) => command.run(context),
             Command::Stats(command) => command.run(context),
             Command::List(command) => command.run(context),

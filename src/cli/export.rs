@@ -7,27 +7,35 @@ use hlacdb::volume::display_path;
 
 use super::bars::Bars;
 use super::table::count;
+use super::values::whole;
 use super::{Context, Failure, Outcome};
 
 /// Write moments.npy, points.npy and textures.csv
 ///
 /// moments.npy: (N, 251) f32, the moments of full@1, one row per texture in id order. points.npy: (N, P) f32, the points of
-/// the default space. textures.csv: row, id, name, shape, path and every tag as a column.
+/// the default space. textures.csv: row, id, name, shape, path and every tag as a column. With --graph K, graph.npy:
+/// (N, K) i64, the ids of the K nearest neighbours of each texture in the default space, nearest first, -1 where there are
+/// fewer; graph_distances.npy: (N, K) f64, their distances, NaN there.
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb export out/
+  hlacdb export out/ --graph 10
   python3 -c \"import numpy as np; print(np.load('out/moments.npy').shape)\"")]
 pub(crate) struct Export {
     /// A folder; made where there is none
     #[arg(value_name = "DIR")]
     folder: PathBuf,
+
+    /// The K nearest neighbours of every texture as well
+    #[arg(long, value_name = "K", value_parser = whole::<usize>)]
+    graph: Option<usize>,
 }
 
 impl Export {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_read()?;
         let bars = Bars::until(context, context.interruptible()?);
-        let report = database.export(&self.folder, &bars)?;
+        let report = database.export(&self.folder, self.graph, &bars)?;
         drop(bars);
         if context.json {
             context.print_json(&report)?;

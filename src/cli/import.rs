@@ -14,16 +14,22 @@ use super::{Context, Failure, Outcome};
 
 /// Add descriptors (moments) computed elsewhere
 ///
-/// The array has one row of 251 moments of full@1 per texture: sums / (windows * 255^cells), in the order of `hlacdb
-/// masks`. The textures have no voxels; they are found in the spaces that their moments allow.
+/// The array has one row per texture: the 251 moments of each view, side by side: sums / (windows * 255^cells), in the
+/// order of `hlacdb masks`. The textures have no voxels; they are found in the spaces that their views allow: `default`
+/// then means its recipe on the views there are.
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb -s big.hlacdb import moments.npy
-  hlacdb -s big.hlacdb import moments.npy --names names.txt --tag source=lab")]
+  hlacdb -s big.hlacdb import moments.npy --names names.txt --tag source=lab
+  hlacdb -s big.hlacdb import all.npy --views full@1,stretch@1,detail@1")]
 pub(crate) struct Import {
-    /// A numpy array (N, 251) of f32 or f64
+    /// A numpy array (N, 251 per view) of f32 or f64
     #[arg(value_name = "F.npy")]
     moments: PathBuf,
+
+    /// The views that the columns are of, in their order
+    #[arg(long, value_name = "VIEW,...", value_delimiter = ',', default_value = "full@1")]
+    views: Vec<View>,
 
     /// A text file with one name per row
     #[arg(long, value_name = "F")]
@@ -38,16 +44,23 @@ impl Import {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let tags = one_value_each(self.tags)?;
         // An array that cannot be read leaves no empty store behind.
-        drop(MomentRows::open(&self.moments)?);
-        // A store that the import makes keeps the one view that the array has.
-        let database = OpenOptions::new().views(&[View::Full]).open(&context.store)?;
+        let mut views = self.views.clone();
+        views.sort_unstable();
+        views.dedup();
+        if views.len() != self.views.len() {
+            return Err(Failure::Usage("--views names a view twice: name each once".into()));
+        }
+        drop(MomentRows::open_views(&self.moments, views.len())?);
+        // A store that the import makes keeps the views that the array has.
+        let database = OpenOptions::new().views(&views).open(&context.store)?;
         let bars = Bars::until(context, context.interruptible()?);
-        let report = database.import(&self.moments, self.names.as_deref(), &tags, &bars)?;
+        let report = database.import(&self.moments, &self.views, self.names.as_deref(), &tags, &bars)?;
         drop(bars);
         if context.json {
             context.print_json(&report)?;
         } else {
-            context.note(&format!("added {}", count(report.added as usize, "descriptor")));
+            let spaces = database.space_names()?.join(", ");
+            context.note(&format!("added {}; spaces: {spaces}", count(report.added as usize, "descriptor")));
         }
         Ok(Outcome::Done)
     }

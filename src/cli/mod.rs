@@ -12,6 +12,7 @@ mod values;
 
 mod compact;
 mod completions;
+mod dedupe;
 mod demo;
 mod eval;
 mod export;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Args};
 use hlacdb::index::Method;
 use hlacdb::volume::{self, Volume, sheet};
-use hlacdb::{Answer, Database, Query as Question, arrays};
+use hlacdb::{Answer, Combine, Database, Query as Question, arrays};
 
 use super::read_arguments::ReadArguments;
 use super::table::{Align, Table, duration, tags};
@@ -19,26 +19,33 @@ use super::{Context, Failure, Outcome};
 #[command(group = ArgGroup::new("example").required(true), after_help = "Examples:
   hlacdb query sample.nii.gz
   hlacdb query --id 12 -k 30 --exclude-self --sheet alike.png
+  hlacdb query --id 12 --id 40 --exclude-self             like both: near the mean of their points
+  hlacdb query --id 12 --id 40 --combine min              like either
   hlacdb query sample.npy --where family=marble --within 0.4
+  hlacdb query a.npy b.npy c.npy                          three queries, in parallel
   hlacdb --json query --moments moments.npy --space paper
 
 Filters are applied before k. Hits are ordered by (distance, id), and are the same for every index.")]
 pub(crate) struct Query {
-    /// A volume that need not be in the store
+    /// Volumes that need not be in the store, a query each
     #[arg(value_name = "FILE", group = "example")]
-    file: Option<PathBuf>,
+    files: Vec<PathBuf>,
 
-    /// A texture of the store
-    #[arg(long, group = "example", value_parser = whole::<u64>)]
-    id: Option<u64>,
+    /// A texture of the store; several are examples of one query
+    #[arg(long = "id", value_name = "ID", group = "example", value_parser = whole::<u64>)]
+    ids: Vec<u64>,
 
     /// Descriptors: a numpy array of 251 moments of full@1, or (N, 251) for N queries
     #[arg(long, value_name = "F.npy", group = "example")]
     moments: Option<PathBuf>,
 
-    /// How many hits; no ceiling
-    #[arg(short, value_name = "N", default_value_t = 10, value_parser = whole::<usize>)]
-    k: usize,
+    /// What several --id mean: near the mean of their points, or near any of them
+    #[arg(long, value_name = "HOW", default_value = "mean", requires = "ids")]
+    combine: Combine,
+
+    /// How many hits; no ceiling [default: 10, or all with --within]
+    #[arg(short, value_name = "N", value_parser = whole::<usize>)]
+    k: Option<usize>,
 
     /// Only hits at this distance or nearer
     #[arg(long, value_name = "DISTANCE")]
@@ -48,7 +55,7 @@ pub(crate) struct Query {
     #[arg(long = "where", value_name = "KEY=VALUE")]
     filters: Vec<KeyValue>,
 
-    /// Leave out the example itself
+    /// Leave out the examples themselves
     #[arg(long)]
     exclude_self: bool,
 
@@ -72,40 +79,43 @@ impl Query {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_read()?;
         if let Some(path) = &self.moments {
-            return self.by_moments(context, &database, path);
+            let rows = arrays::read_moments(path)?;
+            let one = |row| self.refine(Question::moments(vec![(hlacdb::hlac::View::Full, row)]));
+            let answers = database.query_all(&rows.into_iter().map(one).collect::<Vec<_>>())?;
+            return print_all(context, &answers, |row| format!("row {row}"));
         }
-        let (answer, example, title) = match (&self.file, self.id) {
-            (Some(path), _) => {
-                let (volume, _) = volume::read(path, &self.reading.options())?;
-                let answer = database.query(&self.refine(Question::volume(&volume)))?;
-                (answer, Some(volume), volume::display_path(path))
+        let volumes = self.files.iter().map(|path| Ok(volume::read(path, &self.reading.options())?.0));
+        let volumes: Vec<Volume> = volumes.collect::<Result<_, Failure>>()?;
+        let name = |at: usize| self.files.get(at).map_or_else(String::new, |path| volume::display_path(path));
+        if volumes.len() > 1 {
+            if self.sheet.is_some() {
+                return Err(Failure::Usage("--sheet draws one query: name one FILE".into()));
             }
-            (None, Some(id)) => {
-                let answer = database.query(&self.refine(Question::texture(id)))?;
-                (answer, None, database.texture(id)?.name)
-            }
-            (None, None) => return Err(Failure::Usage("name a FILE, --id or --moments".into())),
+            let questions: Vec<Question<'_>> = volumes.iter().map(|one| self.refine(Question::volume(one))).collect();
+            return print_all(context, &database.query_all(&questions)?, name);
+        }
+        let question = match volumes.first() {
+            Some(volume) => Question::volume(volume),
+            None => Question::textures(&self.ids).combine(self.combine),
         };
+        let answer = database.query(&self.refine(question))?;
         if let Some(path) = &self.sheet {
-            let example = match (example, self.id) {
-                (Some(volume), _) => Some(volume),
-                (None, Some(id)) => database.volume(id)?,
-                (None, None) => None,
+            let (example, title) = match (volumes.into_iter().next(), self.ids.first()) {
+                (None, Some(&id)) => (database.volume(id)?, database.texture(id)?.name),
+                (volume, _) => (volume, name(0)),
             };
             write_sheet(&database, example.as_ref(), &title, &answer, path)?;
             context.note(&format!("wrote {}", volume::display_path(path)));
         }
-        if context.json {
-            context.print_json(&answer)?;
-        } else {
-            print(context, &answer)?;
-        }
-        Ok(Outcome::Done)
+        print_all(context, &[answer], name)
     }
 
     /// The options that every kind of example shares.
     fn refine<'a>(&self, question: Question<'a>) -> Question<'a> {
-        let mut question = question.k(self.k).index(self.index);
+        let mut question = question.index(self.index);
+        if let Some(k) = self.k {
+            question = question.k(k);
+        }
         if let Some(distance) = self.within {
             question = question.within(distance);
         }
@@ -121,31 +131,26 @@ impl Query {
         }
         question
     }
+}
 
-    fn by_moments(
-        &self,
-        context: &mut Context,
-        database: &Database,
-        path: &std::path::Path,
-    ) -> Result<Outcome, Failure> {
-        let rows = arrays::read_moments(path)?;
-        let questions: Vec<Question<'_>> =
-            rows.into_iter().map(|row| self.refine(Question::moments(vec![(hlacdb::hlac::View::Full, row)]))).collect();
-        let answers = database.query_all(&questions)?;
-        match (answers.as_slice(), context.json) {
-            ([answer], true) => context.print_json(answer)?,
-            (answers, true) => context.print_json(&serde_json::json!({ "queries": answers }))?,
-            (answers, false) => {
-                for (row, answer) in answers.iter().enumerate() {
-                    if answers.len() > 1 {
-                        writeln!(context.out(), "row {row}")?;
-                    }
-                    print(context, answer)?;
+/// Prints the answers; `name` says what the n-th query was, where there are several.
+fn print_all(context: &mut Context, answers: &[Answer], name: impl Fn(usize) -> String) -> Result<Outcome, Failure> {
+    match (answers, context.json) {
+        ([answer], true) => context.print_json(answer)?,
+        (answers, true) => context.print_json(&serde_json::json!({ "queries": answers }))?,
+        (answers, false) => {
+            for (at, answer) in answers.iter().enumerate() {
+                if answers.len() > 1 {
+                    writeln!(context.out(), "{}", name(at))?;
                 }
+                print(context, answer)?;
             }
         }
-        Ok(Outcome::Done)
     }
+    // The same slip of the pen in every query is told once.
+    let warnings: std::collections::BTreeSet<&String> = answers.iter().flat_map(|answer| &answer.warnings).collect();
+    warnings.into_iter().for_each(|warning| context.note(&format!("warning: {warning}")));
+    Ok(Outcome::Done)
 }
 
 fn print(context: &mut Context, answer: &Answer) -> Result<(), Failure> {

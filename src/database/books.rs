@@ -1,10 +1,15 @@
 //! The books: the statistics of the store, in memory while it is written to.
 
+use rayon::prelude::*;
+
 use super::prepare::views;
 use super::{DEFAULT_SPACE, spaces};
 use crate::error::Error;
-use crate::space::{Contribution, Recipe, Statistics};
+use crate::space::{Contribution, Recipe, SpaceError, Statistics};
 use crate::store::{Reads, Transaction};
+
+/// So many textures are counted by one thread at a time.
+const TOGETHER: usize = 1024;
 
 /// Statistics per recipe, as of one revision of the store.
 #[derive(Default)]
@@ -51,6 +56,35 @@ impl Books {
     /// Counts a texture in.
     pub(super) fn add(&mut self, contributions: &[Contribution]) -> Result<(), Error> {
         self.each(contributions, Statistics::add)
+    }
+
+    /// Counts many textures in, in parallel: statistics of parts are merged, which gives the same bits.
+    pub(super) fn add_all(&mut self, textures: &[Vec<Contribution>]) -> Result<(), Error> {
+        for statistics in &mut self.statistics {
+            let recipe = statistics.recipe().clone();
+            let part = |textures: &[Vec<Contribution>]| {
+                let mut part = Statistics::new(&recipe);
+                part.add_all(textures.iter().flatten().filter(|texture| *texture.recipe() == recipe))?;
+                Ok(part)
+            };
+            let whole = textures.par_chunks(TOGETHER).map(part).try_reduce(
+                || Statistics::new(&recipe),
+                |mut one, other| {
+                    one.merge(&other)?;
+                    Ok::<_, SpaceError>(one)
+                },
+            )?;
+            if whole.count() > 0 {
+                statistics.merge(&whole)?;
+                self.changed = true;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether these contributions of a texture count for the default space.
+    pub(super) fn counts(&self, texture: &[Contribution]) -> bool {
+        texture.iter().any(|part| Some(part.recipe()) == self.default.as_ref())
     }
 
     /// Takes a texture back, without a trace.

@@ -15,6 +15,7 @@ pub(crate) mod cold;
 mod counts;
 mod kept;
 mod open;
+mod pairs;
 mod prepare;
 mod search;
 mod spaces;
@@ -25,6 +26,7 @@ mod verify;
 mod write;
 
 pub use open::OpenOptions;
+pub use pairs::{DUPLICATE_DISTANCE, NearPair};
 pub use prepare::{BlockOf, Meta, Prepared};
 pub use search::IdPoint;
 pub use spaces::{Reindex, Reindexed};

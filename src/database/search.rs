@@ -167,6 +167,17 @@ impl Database {
         state
     }
 
+    /// The newest state of a space, with a tree, and the snapshot that it is of: for questions about all textures.
+    pub(super) fn treed(&self, name: &str) -> Result<(Snapshot, Arc<SpaceState>), Error> {
+        loop {
+            let snapshot = self.store().read()?;
+            let state = self.state(&snapshot, name)?;
+            if state.revision == snapshot.revision() {
+                return Ok((snapshot, self.with_tree(state, name, Method::KdTree, 0)));
+            }
+        }
+    }
+
     /// The metric of a space and the points of some textures in it, in the order of `ids`; a texture without a point is
     /// left out.
     ///

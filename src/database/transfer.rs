@@ -41,11 +41,14 @@ const IMPORT_ROWS: usize = 16 * 1024;
 impl Database {
     /// Writes `moments.npy` (N, 251: the moments of `full@1`), `points.npy` (N, P: the points of the default space) and
     /// `textures.csv` (row, id, name, shape, path, a column per tag) to `folder`, which is made where there is none. Rows are
-    /// in id order and the same in all three. A texture without moments or point has NaN there.
+    /// in id order and the same in all three. A texture without moments or point has NaN there. With `graph`, the so many
+    /// nearest neighbours of every texture in the default space as well: `graph.npy` (N, K), their ids (`i64`, nearest first,
+    /// ties by id, itself left out; -1 where there are fewer), and `graph_distances.npy` (N, K), their distances (`f64`; NaN
+    /// there).
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Store`], [`Error::Cancelled`].
-    pub fn export(&self, folder: &Path, progress: &dyn Progress) -> Result<Exported, Error> {
+    pub fn export(&self, folder: &Path, graph: Option<usize>, progress: &dyn Progress) -> Result<Exported, Error> {
         let made = std::fs::create_dir_all(folder);
         made.map_err(|source| Error::io(format!("making the folder {}", display_path(folder)), source))?;
         let snapshot = self.store().read()?;
@@ -75,42 +78,55 @@ impl Database {
         moments.finish()?;
         points.finish()?;
         write_table(&snapshot, &folder.join("textures.csv"))?;
-        let files = ["moments.npy", "points.npy", "textures.csv"].map(|name| display_path(&folder.join(name)));
-        Ok(Exported { textures: live.len() as u64, files: files.into() })
+        let mut files = vec!["moments.npy", "points.npy", "textures.csv"];
+        if let Some(k) = graph {
+            files.extend(self.write_graph(folder, k, progress)?);
+        }
+        let files = files.into_iter().map(|name| display_path(&folder.join(name))).collect();
+        Ok(Exported { textures: live.len() as u64, files })
     }
 
-    /// Adds the descriptors of a numpy array (N, 251), moments of `full@1`, as textures without voxels. `names` is a text
-    /// file with a name per line; without it the rows are named by file and number. Streams: memory does not grow with
-    /// the array.
+    /// Adds the descriptors of a numpy array (N, 251 V), the moments of `views` side by side in their order, as textures
+    /// without voxels. `names` is a text file with a name per line; without it the rows are named by file and number.
+    /// Streams: memory does not grow with the array.
     ///
     /// The rows go in by transactions of 16384; where an error or cancelling stops it, what was committed stays.
     ///
     /// # Errors
     /// [`Error::ArrayShape`], [`Error::Space`] for what is no moment, [`Error::MissingViews`] where the store keeps other
-    /// views than `full@1`, which the array does not have.
+    /// views than those.
     pub fn import(
         &self,
         moments: &Path,
+        views: &[View],
         names: Option<&Path>,
         tags: &BTreeMap<String, String>,
         progress: &dyn Progress,
     ) -> Result<Imported, Error> {
-        let views = super::prepare::views(&self.store().read()?);
-        if views != [View::Full] {
-            let needs = views.iter().map(|view| view.name().to_owned()).collect();
+        let kept = super::prepare::views(&self.store().read()?);
+        if kept.len() != views.len() || !kept.iter().all(|view| views.contains(view)) {
+            let needs = kept.iter().map(|view| view.name().to_owned()).collect();
             return Err(Error::MissingViews { space: "the store".into(), needs, what: display_path(moments) });
         }
-        let mut rows = MomentRows::open(moments)?;
+        let mut rows = MomentRows::open_views(moments, views.len())?;
         let stem = moments.file_stem().map_or_else(String::new, |stem| display_path(Path::new(stem)));
         let mut names = Names::open(names, stem)?;
+        let codes: Vec<ViewCode> = views.iter().map(|view| ViewCode(view.code())).collect();
         progress.begin("importing", Some(rows.len()));
         let mut report = Imported { added: 0, ids: None };
+        let together = (IMPORT_ROWS / views.len().max(1)).max(1);
         while !rows.is_empty() && !progress.cancelled() {
-            let mut batch = Vec::with_capacity(IMPORT_ROWS);
-            for row in rows.by_ref().take(IMPORT_ROWS) {
-                batch.push((names.next()?, row?));
+            let mut batch = Vec::with_capacity(together);
+            for row in rows.by_ref().take(together) {
+                let descriptors = codes.iter().copied().zip(row?).collect();
+                batch.push(NewTexture {
+                    name: names.next()?,
+                    tags: tags.clone(),
+                    descriptors,
+                    ..NewTexture::default()
+                });
             }
-            let ids = self.add_moments(&batch, tags)?;
+            let ids = self.add_described(batch)?;
             report.added += ids.len() as u64;
             if let (Some(&first), Some(&last)) = (ids.first(), ids.last()) {
                 report.ids = Some((report.ids.map_or(first, |(first, _)| first), last));
@@ -125,20 +141,6 @@ impl Database {
             }
         }
         Ok(report)
-    }
-
-    /// One transaction of imported rows.
-    fn add_moments(
-        &self,
-        batch: &[(String, [f32; MASK_COUNT])],
-        tags: &BTreeMap<String, String>,
-    ) -> Result<Vec<u64>, Error> {
-        self.add_described(batch.iter().map(|(name, moments)| NewTexture {
-            name: name.clone(),
-            tags: tags.clone(),
-            descriptors: vec![(ViewCode(View::Full.code()), *moments)],
-            ..NewTexture::default()
-        }))
     }
 }
 

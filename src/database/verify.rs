@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::kept::{KeptPoints, mapped_points};
 use super::prepare::{views, with_full};
-use super::write::all_contributions;
+use super::write::contribution_blocks;
 use super::{DEFAULT_SPACE, Database, books, held, spaces};
 use crate::error::Error;
 use crate::hlac::{self, View};
@@ -174,8 +174,8 @@ fn check_statistics(
             }
         };
         let mut anew = crate::space::Statistics::new(&recipe);
-        for part in all_contributions(snapshot, &recipe)? {
-            anew.add(&part)?;
+        for block in contribution_blocks(snapshot, &recipe)? {
+            anew.add_all(block?.iter())?;
         }
         let same = kept.count() == anew.count() && kept.mean() == anew.mean() && kept.covariance() == anew.covariance();
         if !same {

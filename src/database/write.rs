@@ -1,5 +1,7 @@
 //! Changes: every one a transaction, statistics and points included.
 
+use rayon::prelude::*;
+
 use super::books::Books;
 use super::prepare::{Meta, Prepared, Work, views};
 use super::spaces::{contributions_of, fit, keep_points, last_fit, recipes};
@@ -104,21 +106,21 @@ impl Database {
     }
 
     /// Adds textures that come with moments and without octants, in one transaction.
-    pub(super) fn add_described(&self, textures: impl IntoIterator<Item = NewTexture>) -> Result<Vec<u64>, Error> {
+    pub(super) fn add_described(&self, textures: Vec<NewTexture>) -> Result<Vec<u64>, Error> {
         self.change(|transaction, books| {
             let recipes = recipes(&views(transaction));
+            let contributions: Vec<Vec<Contribution>> = textures
+                .par_iter()
+                .map(|texture| described_contributions(texture, &recipes))
+                .collect::<Result<_, _>>()?;
             let mut fits = Fits::new(transaction)?;
-            let mut ids = Vec::new();
-            for texture in textures {
-                let of = |view: View| {
-                    texture.descriptors.iter().find(|(code, _)| code.0 == view.code()).map(|(_, moments)| moments)
-                };
-                let parts = recipes.iter().filter_map(|recipe| Contribution::of_moments(recipe, of).transpose());
-                let parts: Vec<Contribution> = parts.collect::<Result<_, _>>()?;
-                ids.push(transaction.add(texture)?);
-                books.add(&parts)?;
-                fits.after(books);
-            }
+            // Counting and writing do not wait for one another.
+            let (counted, ids) = rayon::join(
+                || fits.count_all(books, &contributions),
+                || textures.into_iter().map(|texture| transaction.add(texture)).collect::<Result<Vec<u64>, _>>(),
+            );
+            counted?;
+            let ids = ids?;
             fits.finish(transaction)?;
             Ok(ids)
         })
@@ -155,6 +157,14 @@ impl Database {
         }
         done
     }
+}
+
+/// What a texture that comes with moments adds to the statistics of each recipe.
+fn described_contributions(texture: &NewTexture, recipes: &[Recipe]) -> Result<Vec<Contribution>, Error> {
+    let of =
+        |view: View| texture.descriptors.iter().find(|(code, _)| code.0 == view.code()).map(|(_, moments)| moments);
+    let parts = recipes.iter().filter_map(|recipe| Contribution::of_moments(recipe, of).transpose());
+    Ok(parts.collect::<Result<_, _>>()?)
 }
 
 fn add_one(transaction: &mut Transaction, books: &mut Books, texture: Prepared) -> Result<Added, Error> {
@@ -199,6 +209,25 @@ impl Fits {
         }
     }
 
+    /// Counts textures in, and notes the statistics at the last doubling among them: earlier ones would be replaced.
+    fn count_all(&mut self, books: &mut Books, textures: &[Vec<Contribution>]) -> Result<(), Error> {
+        let (mut counted, mut last) = (books.textures(), None);
+        for (at, texture) in textures.iter().enumerate() {
+            counted += u64::from(books.counts(texture));
+            if counted > 0 && counted >= 2 * self.count {
+                self.count = counted;
+                self.epoch += 1;
+                last = Some(at + 1);
+            }
+        }
+        let (before, after) = textures.split_at(last.unwrap_or(0));
+        books.add_all(before)?;
+        if last.is_some() {
+            self.due = Some(books.all().to_vec());
+        }
+        books.add_all(after)
+    }
+
     /// Fits on what was noted last; earlier fits of the same batch would have been replaced by it.
     fn finish(self, transaction: &mut Transaction) -> Result<(), Error> {
         match self.due {
@@ -212,22 +241,29 @@ impl Fits {
 fn renew_extremes(transaction: &Transaction, books: &mut Books) -> Result<(), Error> {
     for statistics in books.stale_extremes() {
         let recipe = statistics.recipe().clone();
-        let parts = all_contributions(transaction, &recipe)?;
-        statistics.renew_extremes(&parts)?;
+        let blocks = contribution_blocks(transaction, &recipe)?;
+        let parts = blocks.flat_map(|block| match block {
+            Ok(parts) => parts.into_iter().map(Ok).collect(),
+            Err(error) => vec![Err(error)],
+        });
+        statistics.renew_extremes(parts)?;
     }
     Ok(())
 }
 
-/// What every texture adds to the statistics of a recipe, without octants, block by block.
-pub(super) fn all_contributions(state: &impl Reads, recipe: &Recipe) -> Result<Vec<Contribution>, Error> {
+/// What every texture adds to the statistics of a recipe, without octants: block by block, so that memory does not grow
+/// with the store.
+pub(super) fn contribution_blocks<'a>(
+    state: &'a impl Reads,
+    recipe: &'a Recipe,
+) -> Result<impl Iterator<Item = Result<Vec<Contribution>, Error>> + 'a, Error> {
     let rows = state.rows()?;
-    let mut parts = Vec::with_capacity(rows.len());
-    for block in 0..state.descriptor_blocks() {
+    Ok((0..state.descriptor_blocks()).map(move |block| {
         let moments = super::kept::BlockMoments::read(state, recipe, block)?;
         let first = block as usize * DESCRIPTOR_ROWS;
-        for row in (first..first + DESCRIPTOR_ROWS).filter(|&row| rows.is_live(row)) {
-            parts.extend(Contribution::of_moments(recipe, |view| moments.row(view, row - first))?);
-        }
-    }
-    Ok(parts)
+        let live = (first..first + DESCRIPTOR_ROWS).filter(|&row| rows.is_live(row));
+        let parts =
+            live.filter_map(|row| Contribution::of_moments(recipe, |view| moments.row(view, row - first)).transpose());
+        Ok(parts.collect::<Result<_, _>>()?)
+    }))
 }

@@ -23,7 +23,7 @@ pub fn key_width(dims: usize) -> usize {
 /// The key of a point, [`key_width`] numbers, as a store keeps it: for points whose first coordinates vary most.
 pub fn key(metric: Metric, point: &[f32]) -> Vec<f32> {
     let shape = KeyShape::first(point.len());
-    shape.key(metric, point).take(shape.told()).collect()
+    shape.key(metric, point).coarse.into_iter().take(shape.told()).collect()
 }
 
 /// A row that may matter.
@@ -45,7 +45,7 @@ pub struct ColdScan<'q> {
     probe: Probe,
     best: Best,
     candidates: Vec<Candidate>,
-    /// The greatest rest norm of any row so far.
+    /// The greatest rest norm of any row so far: the only number of a key that is rounded.
     reach: f32,
 }
 
@@ -67,10 +67,13 @@ impl<'q> ColdScan<'q> {
     pub fn keys(&mut self, first: usize, ids: &[u64], keys: &[f32], live: impl Fn(usize) -> bool) {
         let width = self.shape.told();
         if self.shape.has_rest() {
-            // A NaN is passed over by `max`. The slack that a norm's rounding takes must be known before rows are dropped.
+            // The slack that a norm's rounding takes must be known before rows are dropped. A NaN is passed over by `max`.
             let norms = keys.iter().skip(width - 1).step_by(width);
-            self.reach = norms.fold(self.reach, |reach, &norm| reach.max(norm));
-            self.probe = Probe::new(self.metric, &self.shape, self.question.point, self.reach);
+            let reach = norms.fold(self.reach, |reach, &norm| reach.max(norm));
+            if reach > self.reach {
+                self.reach = reach;
+                self.probe = Probe::new(self.metric, &self.shape, self.question.point, reach.into());
+            }
         }
         let threshold = self.probe.threshold(self.best.limit());
         for ((row, &id), numbers) in (first..).zip(ids).zip(keys.chunks_exact(width)) {

@@ -63,8 +63,8 @@ impl KdTree {
         }
         let tree = if points.key_width() == WIDTHS[0] { Tree::Few(grow(points)?) } else { Tree::Many(grow(points)?) };
         let packed = match &tree {
-            Tree::Few(tree) => Packed::new(tree.iter()),
-            Tree::Many(tree) => Packed::new(tree.iter()),
+            Tree::Few(tree) => Packed::new(points, tree.iter()),
+            Tree::Many(tree) => Packed::new(points, tree.iter()),
         };
         Some(Self { tree, packed, metric: points.metric(), rows: points.rows(), lineage: points.lineage() })
     }

@@ -22,10 +22,14 @@ pub(super) fn scan(points: &Points, question: &Question<'_>, from: usize, best: 
     let mut threshold = probe.threshold(best.limit());
     for block in from / LANES..points.rows().div_ceil(LANES) {
         let (keys, live) = points.block(block);
-        let bounds = probe.distances(keys);
-        let least = bounds.iter().fold(f32::INFINITY, |least, &bound| if bound < least { bound } else { least });
-        if least > threshold {
+        let coarse = probe.coarse(keys);
+        if least(&coarse.bounds) > threshold {
             continue;
+        }
+        let mut bounds = coarse.bounds;
+        if probe.has_fine() {
+            let fine = probe.fine(&coarse, points.fine_block(block));
+            bounds.iter_mut().zip(fine).for_each(|(bound, fine)| *bound = if fine > *bound { fine } else { *bound });
         }
         for (lane, &bound) in bounds.iter().enumerate() {
             let row = block * LANES + lane;
@@ -34,6 +38,10 @@ pub(super) fn scan(points: &Points, question: &Question<'_>, from: usize, best: 
             }
         }
     }
+}
+
+fn least(bounds: &[f32; LANES]) -> f32 {
+    bounds.iter().fold(f32::INFINITY, |least, &bound| if bound < least { bound } else { least })
 }
 
 /// A list of ids shorter than this fraction of the rows is looked up id by id.

@@ -25,6 +25,7 @@ mod pairs;
 mod points;
 mod question;
 mod shared;
+mod turn;
 
 pub use crate::metric::{Metric, UnknownMetric};
 pub use cold::{ColdScan, key, key_leading, key_width};

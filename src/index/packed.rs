@@ -6,7 +6,8 @@
 //! its differences are smaller and the same operations in the same order round monotonically. So no margin is needed
 //! beyond that of the rows.
 
-use super::bound::{LANES, Probe};
+use super::Points;
+use super::bound::{FINE, LANES, Probe};
 
 /// Stands where a block has no row.
 const NO_ROW: u32 = u32::MAX;
@@ -17,6 +18,8 @@ pub(super) struct Packed {
     rows: Vec<[u32; LANES]>,
     /// `width` arrays for every block.
     keys: Vec<[f32; LANES]>,
+    /// [`FINE`] arrays for every block: fine keys; empty where points have none.
+    fine: Vec<[f32; LANES]>,
     /// `2 width` arrays for every 16 blocks: least and greatest of each number of their keys in turn.
     blocks: Vec<[f32; LANES]>,
     /// The same for every 16 groups.
@@ -24,19 +27,24 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    /// Packs rows and their keys in the order given.
-    pub(super) fn new<const K: usize>(entries: impl Iterator<Item = (u32, [f32; K])>) -> Self {
-        let (mut rows, mut keys) = (vec![], vec![]);
+    /// Packs rows of `points` and their keys in the order given.
+    pub(super) fn new<const K: usize>(points: &Points, entries: impl Iterator<Item = (u32, [f32; K])>) -> Self {
+        let (mut rows, mut keys, mut fine) = (vec![], vec![], vec![]);
         for (at, (row, key)) in entries.enumerate() {
             let lane = at % LANES;
             if lane == 0 {
                 rows.push([NO_ROW; LANES]);
                 keys.resize(keys.len() + K, [0.0; LANES]);
+                fine.resize(fine.len() + if points.has_fine() { FINE } else { 0 }, [0.0; LANES]);
             }
             let block = rows.len() - 1;
             rows[block][lane] = row;
             for (values, value) in keys[block * K..].iter_mut().zip(key) {
                 values[lane] = value;
+            }
+            if points.has_fine() {
+                let numbers = fine[block * FINE..].iter_mut().zip(points.fine_key(row as usize));
+                numbers.for_each(|(values, value): (&mut [f32; LANES], f32)| values[lane] = value);
             }
         }
         let extent = |values: &[f32; LANES], block: usize| {
@@ -51,7 +59,7 @@ impl Packed {
                 most.iter().copied().fold(f32::NEG_INFINITY, f32::max),
             ]
         });
-        Self { width: K, rows, keys, blocks, groups }
+        Self { width: K, rows, keys, fine, blocks, groups }
     }
 
     /// Visits every row whose key is at most `threshold` away, the nearest groups first. `visit` returns the threshold
@@ -73,8 +81,7 @@ impl Packed {
                 if bound <= threshold
                     && let Some(rows) = self.rows.get(block)
                 {
-                    let bounds = probe.distances(&self.keys[block * self.width..][..self.width]);
-                    for (&row, bound) in rows.iter().zip(bounds) {
+                    for (&row, bound) in rows.iter().zip(self.bounds(block, probe, threshold)) {
                         if bound <= threshold && row != NO_ROW {
                             threshold = visit(row);
                         }
@@ -82,6 +89,23 @@ impl Packed {
                 }
             }
         }
+    }
+}
+
+impl Packed {
+    /// The bounds of the rows of a block: of fine keys where any coarse one is within the threshold.
+    #[inline]
+    fn bounds(&self, block: usize, probe: &Probe, threshold: f32) -> [f32; LANES] {
+        let coarse = probe.coarse(&self.keys[block * self.width..][..self.width]);
+        if !probe.has_fine() || !coarse.bounds.iter().any(|&bound| bound <= threshold) {
+            return coarse.bounds;
+        }
+        let mut bounds = probe.fine(&coarse, &self.fine[block * FINE..][..FINE]);
+        bounds
+            .iter_mut()
+            .zip(coarse.bounds)
+            .for_each(|(fine, bound)| *fine = if bound > *fine { bound } else { *fine });
+        bounds
     }
 }
 

@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::bound::{KeyBlock, KeyShape, LANES, Probe};
+use super::bound::{FINE, KeyBlock, KeyShape, LANES, Probe};
 use super::question::check_point;
 use super::{IndexError, Metric};
 
@@ -29,8 +29,10 @@ struct Chunk {
     ids: Vec<u64>,
     /// Coordinates, row after row.
     rows: Vec<f32>,
-    /// Keys, `width` arrays for every [`LANES`] rows.
+    /// Coarse keys, `width` arrays for every [`LANES`] rows.
     keys: Vec<[f32; LANES]>,
+    /// Fine keys, [`FINE`] arrays for every [`LANES`] rows; empty where there are none.
+    fine: Vec<[f32; LANES]>,
 }
 
 /// Points of one space, with their ids, and which of them are live. See the module.
@@ -42,9 +44,9 @@ pub struct Points {
     chunks: Arc<Vec<Arc<Chunk>>>,
     live: Arc<Vec<Arc<Live>>>,
     removed: usize,
-    /// The greatest norm of the coordinates outside the keys.
-    reach: f32,
-    /// The greatest magnitude of any number of a key.
+    /// The greatest norm of any point.
+    reach: f64,
+    /// The greatest magnitude of any number of a coarse key.
     magnitude: f32,
     /// Which points these descend from: a tree belongs to one lineage, whose row numbers never change.
     lineage: u64,
@@ -80,7 +82,7 @@ impl Points {
 
     /// All rows at once: `coordinates` holds the points of `ids` (ascending) one after another.
     ///
-    /// Better than adding one by one where there are many: work is shared between threads, and the coordinates of
+    /// Better than adding one by one where there are many: work is shared between threads, and the directions of
     /// greatest variance are looked for and lead the scan.
     pub fn from_rows(metric: Metric, dims: usize, ids: &[u64], coordinates: &[f32]) -> Result<Self, IndexError> {
         if Some(coordinates.len()) != ids.len().checked_mul(dims) {
@@ -92,9 +94,9 @@ impl Points {
         if u32::try_from(ids.len()).is_err() {
             return Err(IndexError::Full);
         }
-        let mut points = Self::empty(metric, dims, KeyShape::widest(&spread(dims, coordinates)))?;
+        let mut points = Self::empty(metric, dims, KeyShape::learned(metric, dims, coordinates))?;
         let shape = &points.shape;
-        let chunks: Vec<(Chunk, f32, f32)> = ids
+        let chunks: Vec<(Chunk, f64, f32)> = ids
             .par_chunks(CHUNK_ROWS)
             .zip(coordinates.par_chunks(CHUNK_ROWS * dims))
             .map(|(ids, rows)| Chunk::filled(metric, shape, dims, ids, rows))
@@ -234,7 +236,7 @@ impl Points {
         self.live[row / CHUNK_ROWS][at / 64] >> (at % 64) & 1 == 1
     }
 
-    /// The keys of rows `block * LANES ..`, and bit `i` set where row `block * LANES + i` is there and live.
+    /// The coarse keys of rows `block * LANES ..`, and bit `i` set where row `block * LANES + i` is there and live.
     #[inline]
     pub(super) fn block(&self, block: usize) -> (&KeyBlock, u32) {
         const BLOCKS: usize = CHUNK_ROWS / LANES;
@@ -245,12 +247,34 @@ impl Points {
         (&self.chunks[chunk].keys[at * width..][..width], live)
     }
 
-    /// The key of a row, which must exist.
+    /// The fine keys of rows `block * LANES ..`; none where points have none.
+    #[inline]
+    pub(super) fn fine_block(&self, block: usize) -> &KeyBlock {
+        const BLOCKS: usize = CHUNK_ROWS / LANES;
+        let fine = &self.chunks[block / BLOCKS].fine;
+        fine.get(block % BLOCKS * FINE..).and_then(|fine| fine.get(..FINE)).unwrap_or_default()
+    }
+
+    /// The coarse key of a row, which must exist.
     pub(super) fn key(&self, row: usize, key: &mut [f32]) {
         let (block, _) = self.block(row / LANES);
         for (value, lanes) in key.iter_mut().zip(block) {
             *value = lanes[row % LANES];
         }
+    }
+
+    /// The fine key of a row, which must exist; zeros where it has none.
+    pub(super) fn fine_key(&self, row: usize) -> [f32; FINE] {
+        let mut key = [0.0; FINE];
+        for (value, lanes) in key.iter_mut().zip(self.fine_block(row / LANES)) {
+            *value = lanes[row % LANES];
+        }
+        key
+    }
+
+    /// Whether points have fine keys.
+    pub(super) fn has_fine(&self) -> bool {
+        self.shape.has_fine()
     }
 
     /// The key of a query, for these points.
@@ -275,16 +299,17 @@ impl Points {
 }
 
 impl Chunk {
-    /// A chunk of these rows, with the greatest rest norm and the greatest magnitude in its keys.
+    /// A chunk of these rows, with their greatest norm and the greatest magnitude in their coarse keys.
     fn filled(
         metric: Metric,
         shape: &KeyShape,
         dims: usize,
         ids: &[u64],
         rows: &[f32],
-    ) -> Result<(Self, f32, f32), IndexError> {
-        let mut chunk = Self { ids: Vec::with_capacity(ids.len()), rows: Vec::with_capacity(rows.len()), keys: vec![] };
-        let (mut reach, mut magnitude) = (0.0f32, 0.0f32);
+    ) -> Result<(Self, f64, f32), IndexError> {
+        let (ids_here, rows_here) = (Vec::with_capacity(ids.len()), Vec::with_capacity(rows.len()));
+        let mut chunk = Self { ids: ids_here, rows: rows_here, keys: vec![], fine: vec![] };
+        let (mut reach, mut magnitude) = (0.0f64, 0.0f32);
         for (&id, point) in ids.iter().zip(rows.chunks_exact(dims)) {
             check_point(point, dims)?;
             let (r, m) = chunk.push(metric, shape, id, point);
@@ -293,23 +318,27 @@ impl Chunk {
         Ok((chunk, reach, magnitude))
     }
 
-    /// Adds a row; returns its rest norm (0 where all coordinates lead) and the greatest magnitude in its key.
-    fn push(&mut self, metric: Metric, shape: &KeyShape, id: u64, point: &[f32]) -> (f32, f32) {
+    /// Adds a row; returns its norm and the greatest magnitude in its coarse key.
+    fn push(&mut self, metric: Metric, shape: &KeyShape, id: u64, point: &[f32]) -> (f64, f32) {
         let width = shape.width();
         let lane = self.ids.len() % LANES;
+        let key = shape.key(metric, point);
         if lane == 0 {
             self.keys.resize(self.keys.len() + width, [0.0; LANES]);
+            self.fine.resize(self.fine.len() + if shape.has_fine() { FINE } else { 0 }, [0.0; LANES]);
         }
-        let block = self.keys.len() - width;
-        let (mut last, mut magnitude) = (0.0, 0.0f32);
-        for (numbers, value) in self.keys[block..].iter_mut().zip(shape.key(metric, point)) {
+        let (block, mut magnitude) = (self.keys.len() - width, 0.0f32);
+        for (numbers, value) in self.keys[block..].iter_mut().zip(key.coarse) {
             numbers[lane] = value;
-            last = value;
             magnitude = magnitude.max(value.abs());
+        }
+        if shape.has_fine() {
+            let block = self.fine.len() - FINE;
+            self.fine[block..].iter_mut().zip(key.fine).for_each(|(numbers, value)| numbers[lane] = value);
         }
         self.ids.push(id);
         self.rows.extend_from_slice(point);
-        (if shape.has_rest() { last } else { 0.0 }, magnitude)
+        (metric.norm(point.iter().copied()), magnitude)
     }
 }
 
@@ -321,25 +350,4 @@ fn all_live(rows: usize) -> Live {
         *bits = if here == 64 { u64::MAX } else { (1 << here) - 1 };
     }
     live
-}
-
-/// The variance of each coordinate over an even sample of at most a few thousand rows: a guide, not a result.
-fn spread(dims: usize, coordinates: &[f32]) -> Vec<f64> {
-    const SAMPLE: usize = 4096;
-    let mut moments = vec![(0.0f64, 0.0f64); dims];
-    if dims == 0 {
-        return vec![];
-    }
-    let step = (coordinates.len() / dims / SAMPLE).max(1);
-    let mut count = 0.0;
-    for row in coordinates.chunks_exact(dims).step_by(step) {
-        count += 1.0;
-        for ((mean, scatter), &value) in moments.iter_mut().zip(row) {
-            let delta = f64::from(value) - *mean;
-            *mean += delta / count;
-            *scatter += delta * (f64::from(value) - *mean);
-        }
-    }
-    // Where a coordinate is not finite the rows are refused a moment later.
-    moments.into_iter().map(|(_, scatter)| if scatter.is_nan() { 0.0 } else { scatter }).collect()
 }

@@ -200,6 +200,23 @@ impl Statistics {
         Ok(())
     }
 
+    /// Counts many textures: the same as [`Statistics::add`] one by one, to the bit, and much quicker.
+    ///
+    /// # Errors
+    /// [`SpaceError::Recipe`], and nothing is counted.
+    pub fn add_all<'a>(&mut self, textures: impl Iterator<Item = &'a Contribution> + Clone) -> Result<(), SpaceError> {
+        textures.clone().try_for_each(|texture| check(&self.recipe, &texture.recipe))?;
+        self.products.outer_all(textures.clone().map(|texture| texture.features.as_slice()));
+        for texture in textures {
+            self.count += 1;
+            self.apply_small(texture, Sign::Add);
+            if let Some(extremes) = &mut self.extremes {
+                extremes.add(&texture.features);
+            }
+        }
+        Ok(())
+    }
+
     /// Takes a texture back: afterwards the statistics are, to the bit, as if it had never been added, extremes
     /// excepted (see [`Statistics::extremes`]). A contribution without octants takes the features back only; the
     /// octants stay until the statistics are built anew.
@@ -225,10 +242,15 @@ impl Statistics {
 
     /// What adding and removing have in common.
     fn apply(&mut self, texture: &Contribution, sign: Sign) {
+        self.products.outer(&texture.features, sign);
+        self.apply_small(texture, sign);
+    }
+
+    /// The same but for the products of features.
+    fn apply_small(&mut self, texture: &Contribution, sign: Sign) {
         for (sum, &feature) in self.sums.iter_mut().zip(&texture.features) {
             *sum += i128::from(if sign == Sign::Add { feature } else { -feature });
         }
-        self.products.outer(&texture.features, sign);
         if let (Some((count, scatter)), Some(octants)) = (&mut self.octants, &texture.octants) {
             *count = if sign == Sign::Add { *count + 1 } else { *count - 1 };
             scatter.octants(octants, sign);
@@ -299,24 +321,25 @@ impl Statistics {
     }
 
     /// Makes the extremes anew from all the textures that are counted (octants are not looked at). Other forms than
-    /// moments have none, and nothing happens.
+    /// moments have none, and nothing happens. The textures are looked at one after the other, as they come.
     ///
     /// # Errors
-    /// [`SpaceError::Recipe`]; [`SpaceError::Overdrawn`] where it is not as many textures as are counted. The extremes
-    /// are then as they were.
-    pub fn renew_extremes<'a>(
+    /// Those that the textures come with; [`SpaceError::Recipe`]; [`SpaceError::Overdrawn`] where it is not as many
+    /// textures as are counted. The extremes are then as they were.
+    pub fn renew_extremes<E: From<SpaceError>>(
         &mut self,
-        textures: impl IntoIterator<Item = &'a Contribution>,
-    ) -> Result<(), SpaceError> {
+        textures: impl IntoIterator<Item = Result<Contribution, E>>,
+    ) -> Result<(), E> {
         let mut renewed = Extremes::new(self.sums.len());
         let mut count = 0;
         for texture in textures {
+            let texture = texture?;
             check(&self.recipe, &texture.recipe)?;
             renewed.add(&texture.features);
             count += 1;
         }
         if count != self.count {
-            return Err(SpaceError::Overdrawn { recipe: self.recipe.key() });
+            return Err(SpaceError::Overdrawn { recipe: self.recipe.key() }.into());
         }
         if let Some(extremes) = &mut self.extremes {
             *extremes = renewed;

@@ -9,6 +9,7 @@ mod model;
 mod program;
 mod real;
 mod reference_sums;
+mod search;
 mod slabs;
 mod space;
 mod store;

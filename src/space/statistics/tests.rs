@@ -39,18 +39,22 @@ proptest! {
 
     #[test]
     fn order_merging_and_removal_leave_no_trace(
-        recipe in recipes(), seeds in proptest::collection::vec(any::<u64>(), 1..6), split in any::<prop::sample::Index>(),
+        recipe in recipes(), seeds in proptest::collection::vec(any::<u64>(), 1..12), split in any::<prop::sample::Index>(),
     ) {
         let textures = contributions(&recipe, &seeds);
         let all = statistics(&recipe, &textures);
         prop_assert!(statistics(&recipe, textures.iter().rev()) == all);
+        let mut at_once = Statistics::new(&recipe);
+        at_once.add_all(textures.iter()).unwrap();
+        prop_assert!(at_once == all);
         let (head, tail) = textures.split_at(split.index(textures.len()));
         let mut merged = statistics(&recipe, tail);
         merged.merge(&statistics(&recipe, head)).unwrap();
         prop_assert!(merged == all);
         tail.iter().for_each(|texture| merged.remove(texture).unwrap());
         if merged.extremes_are_stale() {
-            merged.renew_extremes(head).unwrap();
+            let again = head.iter().cloned().map(Ok::<_, SpaceError>);
+            merged.renew_extremes(again).unwrap();
         }
         prop_assert!(merged == statistics(&recipe, head));
         prop_assert!(Statistics::decode(&all.encode()).unwrap() == all);

@@ -1,0 +1,195 @@
+//! The directions in which points vary most: a few orthonormal vectors.
+//!
+//! They need not be the principal axes exactly: whatever they are, projecting on them brings no two points farther apart,
+//! so bounds hold; the better they are, the tighter. Orthogonal iteration on the covariance of a sample finds them.
+
+use super::bound::DIRECTIONS;
+
+/// Coordinates of greater magnitude are not turned: their squares would strain the arithmetic.
+const MAGNITUDE: f32 = (1u64 << 60) as f32;
+
+/// Multiplications spent on the covariance of the sample, at most.
+const EFFORT: usize = 1 << 26;
+
+/// Rounds of the iteration.
+const ROUNDS: usize = 12;
+
+/// Orthonormal directions, by falling spread, and the mean of nothing: points are projected as they are.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Turn {
+    /// For each coordinate its share in each direction: rows of [`DIRECTIONS`].
+    shares: Vec<[f64; DIRECTIONS]>,
+}
+
+impl Turn {
+    /// The directions in which `rows`, points of `dims` coordinates one after another, vary most; `order` has the
+    /// coordinates by falling spread. `None` where coordinates are too great or not finite.
+    pub(super) fn learned(dims: usize, rows: &[f32], order: &[usize]) -> Option<Self> {
+        if dims < DIRECTIONS || rows.is_empty() {
+            return None;
+        }
+        let covariance = covariance(dims, rows)?;
+        let mut directions: Vec<Vec<f64>> = order.iter().take(DIRECTIONS).map(|&axis| unit(dims, axis)).collect();
+        for _ in 0..ROUNDS {
+            for direction in &mut directions {
+                *direction = covariance.chunks_exact(dims).map(|row| dot(row, direction)).collect();
+            }
+            orthonormalise(&mut directions, order);
+        }
+        let mut shares = vec![[0.0; DIRECTIONS]; dims];
+        for (at, direction) in directions.iter().enumerate() {
+            for (share, &value) in shares.iter_mut().zip(direction) {
+                share[at] = value;
+            }
+        }
+        Some(Self { shares })
+    }
+
+    /// How far a point reaches along each direction, and what norm is left of it beside the first of them, for every
+    /// number of directions from none to all.
+    pub(super) fn along(&self, point: &[f32]) -> ([f64; DIRECTIONS], [f64; DIRECTIONS + 1]) {
+        let mut along = [0.0; DIRECTIONS];
+        let mut square = 0.0;
+        for (shares, &coordinate) in self.shares.iter().zip(point) {
+            let coordinate = f64::from(coordinate);
+            square += coordinate * coordinate;
+            for (along, share) in along.iter_mut().zip(shares) {
+                *along += share * coordinate;
+            }
+        }
+        let mut left = [0.0; DIRECTIONS + 1];
+        for (left, along) in left.iter_mut().zip(along.iter().copied().chain([0.0])) {
+            *left = f64::max(square, 0.0).sqrt();
+            square -= along * along;
+        }
+        (along, left)
+    }
+}
+
+/// The covariance of a sample of points, row-major; `None` where coordinates are too great or not finite.
+fn covariance(dims: usize, rows: &[f32]) -> Option<Vec<f64>> {
+    let count = rows.len() / dims;
+    let most = (EFFORT / (dims * dims)).clamp(256, 8192);
+    let step = count.div_ceil(most).max(1);
+    let sample = || rows.chunks_exact(dims).step_by(step);
+    if !sample().flatten().all(|coordinate| coordinate.abs() <= MAGNITUDE) {
+        return None;
+    }
+    let taken = sample().count() as f64;
+    let mut mean = vec![0.0; dims];
+    for row in sample() {
+        mean.iter_mut().zip(row).for_each(|(mean, &c)| *mean += f64::from(c) / taken);
+    }
+    let mut covariance = vec![0.0; dims * dims];
+    let mut apart = vec![0.0; dims];
+    for row in sample() {
+        apart.iter_mut().zip(row).zip(&mean).for_each(|((apart, &c), mean)| *apart = f64::from(c) - mean);
+        for (line, &one) in covariance.chunks_exact_mut(dims).zip(&apart) {
+            line.iter_mut().zip(&apart).for_each(|(sum, other)| *sum += one * other);
+        }
+    }
+    Some(covariance)
+}
+
+/// Makes the vectors orthonormal, each from what it has beside those before it; one that has nothing is replaced by a
+/// coordinate's own direction. Twice over, for once leaves what rounding left.
+fn orthonormalise(vectors: &mut [Vec<f64>], order: &[usize]) {
+    for at in 0..vectors.len() {
+        let (done, rest) = vectors.split_at_mut(at);
+        let Some(vector) = rest.first_mut() else { return };
+        let mut axes = order.iter();
+        loop {
+            let length = dot(vector, vector).sqrt();
+            for _ in 0..2 {
+                for other in done.iter() {
+                    let along = dot(vector, other);
+                    vector.iter_mut().zip(other).for_each(|(value, other)| *value -= along * other);
+                }
+            }
+            let left = dot(vector, vector).sqrt();
+            if left > length * 1e-6 && left.is_normal() {
+                vector.iter_mut().for_each(|value| *value /= left);
+                break;
+            }
+            // There are at least as many coordinates as directions: one of them has something left.
+            let Some(&axis) = axes.next() else { break };
+            *vector = unit(vector.len(), axis);
+        }
+    }
+}
+
+fn unit(dims: usize, axis: usize) -> Vec<f64> {
+    (0..dims).map(|at| if at == axis { 1.0 } else { 0.0 }).collect()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The variance of each coordinate over an even sample of at most a few thousand rows: a guide, not a result.
+pub(super) fn spread(dims: usize, coordinates: &[f32]) -> Vec<f64> {
+    const SAMPLE: usize = 4096;
+    let mut moments = vec![(0.0f64, 0.0f64); dims];
+    if dims == 0 {
+        return vec![];
+    }
+    let step = (coordinates.len() / dims / SAMPLE).max(1);
+    let mut count = 0.0;
+    for row in coordinates.chunks_exact(dims).step_by(step) {
+        count += 1.0;
+        for ((mean, scatter), &value) in moments.iter_mut().zip(row) {
+            let delta = f64::from(value) - *mean;
+            *mean += delta / count;
+            *scatter += delta * (f64::from(value) - *mean);
+        }
+    }
+    // Where a coordinate is not finite the rows are refused a moment later.
+    moments.into_iter().map(|(_, scatter)| if scatter.is_nan() { 0.0 } else { scatter }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
+
+        #[test]
+        fn directions_are_orthonormal_whatever_the_points(
+            dims in DIRECTIONS..40, flat in 0usize..40, rows in prop::collection::vec(-1.0f32..1.0, 40..4000), equal: bool,
+        ) {
+            let count = rows.len() / dims;
+            // Coordinates from `flat` on do not vary, or all are the same.
+            let value = |at: usize| if equal { rows[at % dims] } else if at % dims >= flat { 0.25 } else { rows[at] };
+            let rows: Vec<f32> = (0..count * dims).map(value).collect();
+            let order: Vec<usize> = (0..dims).rev().collect();
+            let Some(turn) = Turn::learned(dims, &rows, &order) else { return Ok(()) };
+            for i in 0..DIRECTIONS {
+                for j in 0..DIRECTIONS {
+                    let product: f64 = turn.shares.iter().map(|shares| shares[i] * shares[j]).sum();
+                    prop_assert!((product - f64::from(u8::from(i == j))).abs() < 1e-13);
+                }
+            }
+            let (along, left) = turn.along(&rows[..dims]);
+            let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>().sqrt();
+            let whole = norm(&mut rows[..dims].iter().map(|&c| f64::from(c)));
+            prop_assert!((left[0] - whole).abs() < 1e-12);
+            prop_assert!((norm(&mut along.into_iter().chain([left[DIRECTIONS]])) - whole).abs() < 1e-7);
+        }
+    }
+
+    #[test]
+    fn what_varies_leads() {
+        // Points along one diagonal, a little beside it.
+        let rows: Vec<f32> = (0..300 * 20)
+            .map(|at| {
+                ((at / 20) as f32 * 0.01 - 1.5) * if at % 2 == 0 { 1.0 } else { -1.0 } + (at * 7 % 13) as f32 * 1e-3
+            })
+            .collect();
+        let turn = Turn::learned(20, &rows, &(0..20).collect::<Vec<_>>()).unwrap();
+        let (along, left) = turn.along(&rows[..20]);
+        assert!(along[0].abs() > 6.0 && left[1] < 0.2, "{along:?} {left:?}");
+        assert!(Turn::learned(20, &[f32::MAX; 40], &(0..20).collect::<Vec<_>>()).is_none());
+    }
+}
