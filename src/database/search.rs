@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, RwLock};
+use std::time::Instant;
 
 use super::kept::{KeptPoints, mapped_points};
 use super::{Database, cold, held, spaces};
@@ -145,8 +146,10 @@ impl Database {
         match method {
             Method::Linear => {}
             Method::KdTree => {
-                let mut index = state.index.clone();
+                let (mut index, began) = (state.index.clone(), Instant::now());
                 index.rebuild();
+                let ms = began.elapsed().as_secs_f64() * 1e3;
+                tracing::debug!(space = name, rows = index.points().len(), ms, "built a tree");
                 let (space, asked) = (Arc::clone(&state.space), Arc::clone(&state.asked));
                 let state = Arc::new(SpaceState { revision: state.revision, space, index, asked });
                 self.spaces.put(name, &state);
