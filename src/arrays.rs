@@ -91,10 +91,13 @@ pub struct MomentRows {
     shown: String,
     left: u64,
     file: BufReader<File>,
-    decode: fn(&[u8], &mut Vec<f32>),
+    decode: Decode,
     /// The bytes of one row.
     bytes: Vec<u8>,
 }
+
+/// Appends the numbers of some bytes.
+type Decode = fn(&[u8], &mut Vec<f32>);
 
 impl MomentRows {
     /// Opens an array of one view and reads its header.
@@ -133,7 +136,7 @@ impl MomentRows {
             other => return Err(wrong(format!("of type {}", other.descr()))),
         };
         let big = ty.endianness() == npyz::Endianness::Big;
-        let (decode, width): (fn(&[u8], &mut Vec<f32>), usize) = match (ty.type_char(), ty.num_bytes(), big) {
+        let (decode, width): (Decode, usize) = match (ty.type_char(), ty.num_bytes(), big) {
             (npyz::TypeChar::Float, Some(4), false) => (|b, out| decode(b, out, f32::from_le_bytes), 4),
             (npyz::TypeChar::Float, Some(4), true) => (|b, out| decode(b, out, f32::from_be_bytes), 4),
             (npyz::TypeChar::Float, Some(8), false) => (|b, out| decode(b, out, |v| f64::from_le_bytes(v) as f32), 8),

@@ -1,9 +1,8 @@
 //! The answer to a first question, from a store that was just opened: few bytes are read, and nothing is kept.
 //!
-//! Keys are read from one end to the other (32 bytes a texture), other coordinates only of rows that may matter. The
-//! answers are those of the points in memory, to the bit. From the second question on the points are loaded.
+//! Codes are read from one end to the other (32 bytes a texture), points only of rows that may matter. The answers are those of the points in memory, to the bit. From the second question on the points are loaded.
 
-use super::kept::KeptPoints;
+use super::kept::{KeptPoints, unpacked};
 use crate::error::Error;
 use crate::index::{Allowed, ColdScan, Neighbour, Question};
 use crate::space::Space;
@@ -18,8 +17,9 @@ pub(crate) fn is_possible(snapshot: &Snapshot, name: &str, space: &Space) -> Res
 /// The kept point of a texture; `None` where there is none.
 pub(crate) fn point(snapshot: &Snapshot, name: &str, space: &Space, id: u64) -> Result<Option<Vec<f32>>, Error> {
     let (Some(kept), Some(row)) = (KeptPoints::of(snapshot, name, space)?, snapshot.row(id)?) else { return Ok(None) };
-    let point = kept.point(row as usize)?;
-    Ok(point.iter().all(|coordinate| coordinate.is_finite()).then_some(point))
+    let mut points = kept.points();
+    let point = points.row(row as usize)?;
+    Ok(point.iter().all(|coordinate| coordinate.is_finite()).then(|| point.to_vec()))
 }
 
 /// The neighbours that a question asks for, nearest first, ties by id.
@@ -32,16 +32,17 @@ pub(crate) fn search(
     let rows = snapshot.rows()?;
     let mut scan = ColdScan::new(space.metric(), space.dims(), rows.len(), *question)?;
     let Some(kept) = KeptPoints::of(snapshot, name, space)? else { return Ok(Vec::new()) };
-    let mut rest = kept.rest();
+    let mut points = kept.points();
     let mut fetch = |row: usize, into: &mut Vec<f32>| -> Result<(), Error> {
-        into.extend_from_slice(rest.row(row)?);
+        into.extend_from_slice(points.row(row)?);
         Ok(())
     };
-    for (block, ids) in rows.ids().chunks(kept.key_rows()).enumerate() {
+    for (block, ids) in rows.ids().chunks(kept.code_rows()).enumerate() {
         if !may_allow(question.allowed, ids) {
             continue;
         }
-        scan.keys(block * kept.key_rows(), ids, &kept.keys(block as u32)?, |row| rows.is_live(row));
+        let packed = kept.codes(block as u32)?;
+        scan.codes(block * kept.code_rows(), ids, kept.stride(), &unpacked(&packed), |row| rows.is_live(row));
         if scan.is_full() {
             scan.settle(&mut fetch)?;
         }

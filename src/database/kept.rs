@@ -1,27 +1,43 @@
 //! Points and moments as the store keeps them, block by block.
 //!
-//! The points of the default space are kept in two parts, so that a cold question reads few bytes: the *keys* of all rows
-//! (leading coordinates and the norm of the rest, see [`crate::index::key`]), and the coordinates that are not in the key.
+//! The points of the default space are kept twice, so that a cold question reads few bytes: as *codes*, a byte a
+//! coordinate (see [`crate::index::codes`]), and as they are. To the store both are parts of 4-byte numbers: four codes make
+//! one.
+
+use std::borrow::Cow;
 
 use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::hlac::View;
-use crate::index::{key, key_leading, key_width};
+use crate::index::{NO_POINT, codes};
 use crate::space::{Recipe, Space};
 use crate::store::{
     DESCRIPTOR_ROWS, Damage, DescriptorBlock, PointsLayout, Reads, StoreError, Transaction, ViewCode,
     point_rows_per_block,
 };
 
-/// The part that holds keys, and the one that holds the coordinates beside them.
-const KEYS: u8 = 0;
-const REST: u8 = 1;
+/// The part that holds codes, and the one that holds points.
+const CODES: u8 = 0;
+const POINTS: u8 = 1;
+
+/// Codes in a number.
+const PACKED: usize = 4;
 
 /// The widths of the parts that points of `dims` coordinates are kept in.
-fn widths(dims: usize) -> Vec<u16> {
-    let widths = [key_width(dims), dims - key_leading(dims)];
-    widths.into_iter().filter(|&width| width > 0).map(|width| width as u16).collect()
+fn widths(dims: usize) -> [u16; 2] {
+    [dims.div_ceil(PACKED) as u16, dims as u16]
+}
+
+/// Codes, four to a number, as the store keeps them; the places after the last one are 0.
+fn pack(codes: impl Iterator<Item = i8>) -> Vec<f32> {
+    let bytes: Vec<u8> = codes.map(i8::cast_unsigned).collect();
+    let number = |four: &[u8]| {
+        let mut bytes = [0; PACKED];
+        bytes.iter_mut().zip(four).for_each(|(byte, &code)| *byte = code);
+        f32::from_le_bytes(bytes)
+    };
+    bytes.chunks(PACKED).map(number).collect()
 }
 
 /// The kept points of a space.
@@ -45,19 +61,24 @@ impl<'a, R: Reads> KeptPoints<'a, R> {
         self.layout.rows as usize
     }
 
-    /// Rows of a block of keys.
-    pub(super) fn key_rows(&self) -> usize {
-        point_rows_per_block(key_width(self.dims))
+    /// Rows of a block of codes.
+    pub(super) fn code_rows(&self) -> usize {
+        point_rows_per_block(self.dims.div_ceil(PACKED))
     }
 
-    /// The keys of the rows from `block * key_rows()` on.
-    pub(super) fn keys(&self, block: u32) -> Result<Vec<f32>, Error> {
-        Ok(self.state.points(self.name, &self.layout, KEYS, block)?)
+    /// The codes of the rows from `block * code_rows()` on, packed in numbers: see [`unpacked`].
+    pub(super) fn codes(&self, block: u32) -> Result<Vec<f32>, Error> {
+        Ok(self.state.points(self.name, &self.layout, CODES, block)?)
     }
 
-    /// A reader of the coordinates beside the keys; of none where the key is the point.
-    pub(super) fn rest(&self) -> PartRows<'_, R> {
-        self.part(REST)
+    /// Bytes from the codes of a row to those of the next.
+    pub(super) fn stride(&self) -> usize {
+        self.dims.div_ceil(PACKED) * PACKED
+    }
+
+    /// A reader of points.
+    pub(super) fn points(&self) -> PartRows<'_, R> {
+        self.part(POINTS)
     }
 
     fn part(&self, part: u8) -> PartRows<'_, R> {
@@ -65,33 +86,41 @@ impl<'a, R: Reads> KeptPoints<'a, R> {
         PartRows { kept: self, part, width, blocks: Vec::new() }
     }
 
-    /// Hands over row, key and point of the rows from `first` on.
-    pub(super) fn each(&self, first: usize, mut take: impl FnMut(usize, &[f32], &[f32])) -> Result<(), Error> {
-        // Parts have blocks of different lengths: each part is read as a stream of rows.
-        let (mut keys, mut rest) = (self.part(KEYS), self.part(REST));
-        let leading = key_leading(self.dims);
-        let mut point = Vec::with_capacity(self.dims);
-        for row in first..self.rows() {
-            point.clear();
-            let key = keys.row(row)?;
-            point.extend(key.iter().take(leading));
-            point.extend_from_slice(rest.row(row)?);
-            take(row, key, &point);
+    /// Hands over row and point of the rows from `first` on, and whether the code is that of the point.
+    pub(super) fn each_checked(&self, mut take: impl FnMut(usize, &[f32], bool)) -> Result<(), Error> {
+        let (mut kept, mut points) = (self.part(CODES), self.part(POINTS));
+        for row in 0..self.rows() {
+            let point = points.row(row)?;
+            take(row, point, unpack(kept.row(row)?).take(self.dims).eq(codes(point)));
         }
         Ok(())
     }
 
-    /// The point of a row; NaN where it has none.
-    pub(super) fn point(&self, row: usize) -> Result<Vec<f32>, Error> {
-        let mut point = self.part(KEYS).row(row)?.to_vec();
-        point.truncate(key_leading(self.dims));
-        point.extend_from_slice(self.part(REST).row(row)?);
-        Ok(point)
+    /// Hands over row and point of the rows from `first` on; NaN where there is none.
+    pub(super) fn each(&self, first: usize, mut take: impl FnMut(usize, &[f32])) -> Result<(), Error> {
+        let mut points = self.part(POINTS);
+        for row in first..self.rows() {
+            take(row, points.row(row)?);
+        }
+        Ok(())
     }
 }
 
-/// So many blocks of one part are held in memory: 16 MiB.
-const HELD: usize = 64;
+/// Packed codes, one after the other: where the machine's bytes are in the order of the store's, they are there already.
+pub(super) fn unpacked(numbers: &[f32]) -> Cow<'_, [i8]> {
+    if cfg!(target_endian = "little") {
+        Cow::Borrowed(bytemuck::cast_slice(numbers))
+    } else {
+        unpack(numbers).collect()
+    }
+}
+
+fn unpack(numbers: &[f32]) -> impl Iterator<Item = i8> + '_ {
+    numbers.iter().flat_map(|number| number.to_le_bytes()).map(u8::cast_signed)
+}
+
+/// So many blocks of one part are held in memory: 32 MiB.
+const HELD: usize = 128;
 
 /// One part of the kept points. The blocks read last are held.
 pub(super) struct PartRows<'a, R> {
@@ -103,12 +132,9 @@ pub(super) struct PartRows<'a, R> {
 }
 
 impl<R: Reads> PartRows<'_, R> {
-    /// The numbers of a row; none for a part that is not there.
+    /// The numbers of a row.
     pub(super) fn row(&mut self, row: usize) -> Result<&[f32], Error> {
-        if self.width == 0 {
-            return Ok(&[]);
-        }
-        let per_block = point_rows_per_block(self.width);
+        let per_block = point_rows_per_block(self.width.max(1));
         let block = (row / per_block) as u32;
         let KeptPoints { state, name, layout, .. } = self.kept;
         match self.blocks.iter().rposition(|(number, _)| *number == block) {
@@ -136,24 +162,23 @@ impl<R: Reads> PartRows<'_, R> {
 /// Keeps the points of a space of every row that has none yet.
 pub(super) fn keep_points(transaction: &mut Transaction, name: &str, space: &Space) -> Result<(), Error> {
     let dims = space.dims();
-    let (leading, width) = (key_leading(dims), key_width(dims));
     if transaction.points_layout(name)?.is_none_or(|layout| layout.widths != widths(dims)) {
         transaction.begin_points(name, &widths(dims))?;
     }
+    let nothing = pack(std::iter::repeat_n(NO_POINT, dims));
     let rows = transaction.counts().rows as usize;
     let mut next = transaction.points_layout(name)?.map_or(0, |layout| layout.rows as usize);
     // Some blocks at a time, so that a million rows take little memory.
     while next < rows {
         let end = ((next / DESCRIPTOR_ROWS + 16) * DESCRIPTOR_ROWS).min(rows);
-        let mut keys = vec![f32::NAN; (end - next) * width];
-        let mut rest = vec![f32::NAN; (end - next) * (dims - leading)];
+        let mut coded: Vec<f32> = nothing.repeat(end - next);
+        let mut points = vec![f32::NAN; (end - next) * dims];
         for (row, point) in mapped_points(transaction, space, next..end)? {
             let at = row - next;
-            copy(&mut keys, at * width, &key(space.metric(), &point));
-            copy(&mut rest, at * (dims - leading), point.get(leading..).unwrap_or_default());
+            copy(&mut coded, at * nothing.len(), &pack(codes(&point)));
+            copy(&mut points, at * dims, &point);
         }
-        let parts: Vec<&[f32]> = if dims > leading { vec![&keys, &rest] } else { vec![&keys] };
-        transaction.append_points(name, &parts)?;
+        transaction.append_points(name, &[&coded, &points])?;
         next = end;
     }
     Ok(())
@@ -211,5 +236,22 @@ impl BlockMoments {
             return Ok(None);
         }
         Ok(Some(space.point(&recipe.features(|view| self.row(view, row))?)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_are_packed_as_they_were() {
+        for dims in 1..40 {
+            let all: Vec<i8> = (0..dims).map(|at| (at as i8).wrapping_mul(37).wrapping_sub(100)).collect();
+            let packed = pack(all.iter().copied());
+            assert_eq!(packed.len(), usize::from(widths(dims)[0]));
+            assert_eq!(unpack(&packed).take(dims).collect::<Vec<_>>(), all);
+            assert_eq!(unpacked(&packed)[..dims], all);
+        }
+        assert_eq!(pack([1, 2, -1].into_iter())[0].to_bits(), 0x00FF_0201);
     }
 }

@@ -1,6 +1,6 @@
 //! Spaces in memory: their points and indexes, kept up with the store.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, RwLock};
 use std::time::Instant;
@@ -10,7 +10,7 @@ use super::{Database, cold, held, spaces};
 use crate::error::Error;
 use crate::index::{Index, KdTree, Method, Metric, Points};
 use crate::space::Space;
-use crate::store::{Reads, Rows, Snapshot};
+use crate::store::{Reads, Record, Rows, Snapshot};
 
 /// A space's points as of one revision of the store. It never changes: a query sees one state.
 pub(crate) struct SpaceState {
@@ -21,7 +21,12 @@ pub(crate) struct SpaceState {
     pub(crate) index: Index,
     /// Questions asked of this state and those before it: a tree is built once it is worth it.
     asked: Arc<AtomicU64>,
+    /// The records of textures that were hits, as of this revision: reading them costs more than finding them.
+    hits: Arc<RwLock<HashMap<u64, Arc<Record>>>>,
 }
+
+/// So many records are remembered at most.
+const REMEMBERED: usize = 16 * 1024;
 
 /// The newest state of each space that was asked for. Shared with the threads that build trees.
 #[derive(Default)]
@@ -51,8 +56,7 @@ impl SpaceStates {
         if let Some(state) = states.get_mut(name) {
             let mut index = state.index.clone();
             if index.install(tree) {
-                let (space, asked) = (Arc::clone(&state.space), Arc::clone(&state.asked));
-                *state = Arc::new(SpaceState { revision: state.revision, space, index, asked });
+                *state = Arc::new(state.with_index(index));
             }
         }
     }
@@ -77,6 +81,34 @@ impl Ground {
 }
 
 impl SpaceState {
+    /// The records of these textures, in their order; `None` for those that are not there. `snapshot` is of the revision of
+    /// this state.
+    pub(crate) fn records_of(&self, snapshot: &Snapshot, ids: &[u64]) -> Result<Vec<Option<Arc<Record>>>, Error> {
+        let known: Vec<Option<Arc<Record>>> = {
+            let hits = held(self.hits.read());
+            ids.iter().map(|id| hits.get(id).cloned()).collect()
+        };
+        let missing: Vec<u64> =
+            ids.iter().zip(&known).filter(|(_, known)| known.is_none()).map(|(&id, _)| id).collect();
+        if missing.is_empty() {
+            return Ok(known);
+        }
+        let mut read = snapshot.records_of(&missing)?.into_iter().map(|record| record.map(Arc::new));
+        let records: Vec<Option<Arc<Record>>> =
+            known.into_iter().map(|known| known.or_else(|| read.next().flatten())).collect();
+        let mut hits = held(self.hits.write());
+        if hits.len() + missing.len() <= REMEMBERED {
+            hits.extend(records.iter().flatten().map(|record| (record.id, Arc::clone(record))));
+        }
+        Ok(records)
+    }
+
+    /// The same state with another index of the same points.
+    fn with_index(&self, index: Index) -> Self {
+        let (space, asked, hits) = (Arc::clone(&self.space), Arc::clone(&self.asked), Arc::clone(&self.hits));
+        Self { revision: self.revision, space, index, asked, hits }
+    }
+
     /// The metric of the space.
     pub(crate) fn metric(&self) -> Metric {
         self.space.metric()
@@ -150,8 +182,7 @@ impl Database {
                 index.rebuild();
                 let ms = began.elapsed().as_secs_f64() * 1e3;
                 tracing::debug!(space = name, rows = index.points().len(), ms, "built a tree");
-                let (space, asked) = (Arc::clone(&state.space), Arc::clone(&state.asked));
-                let state = Arc::new(SpaceState { revision: state.revision, space, index, asked });
+                let state = Arc::new(state.with_index(index));
                 self.spaces.put(name, &state);
                 return state;
             }
@@ -199,7 +230,7 @@ fn loaded(snapshot: &Snapshot, name: &str, space: Arc<Space>) -> Result<SpaceSta
     let (ids, coordinates) = points_from(snapshot, name, &space, &rows, 0)?;
     let points = Points::from_rows(space.metric(), space.dims(), &ids, &coordinates)?;
     let index = Index::from_points(points);
-    Ok(SpaceState { revision: snapshot.revision(), space, index, asked: Arc::default() })
+    Ok(SpaceState { revision: snapshot.revision(), space, index, asked: Arc::default(), hits: Arc::default() })
 }
 
 /// The points of an earlier state, with what was removed and added since.
@@ -216,7 +247,7 @@ fn advanced(state: &SpaceState, snapshot: &Snapshot, name: &str) -> Result<Space
         index.push(id, point)?;
     }
     let (space, asked) = (Arc::clone(&state.space), Arc::clone(&state.asked));
-    Ok(SpaceState { revision: snapshot.revision(), space, index, asked })
+    Ok(SpaceState { revision: snapshot.revision(), space, index, asked, hits: Arc::default() })
 }
 
 /// Ids and points, row-major, of the live rows from `first` on that have a point: kept ones as they are, others mapped.
@@ -238,7 +269,7 @@ fn points_from(
     };
     let kept = match KeptPoints::of(snapshot, name, space)? {
         Some(kept) => {
-            kept.each(first, |row, _, point| take(row, point))?;
+            kept.each(first, &mut take)?;
             kept.rows()
         }
         None => 0,

@@ -11,7 +11,6 @@ use super::write::contribution_blocks;
 use super::{DEFAULT_SPACE, Database, books, held, spaces};
 use crate::error::Error;
 use crate::hlac::{self, View};
-use crate::index::key;
 use crate::progress::Progress;
 use crate::store::{self, Damage, Reads, Record, Snapshot, StoreError, ViewCode};
 use crate::volume::Volume;
@@ -205,11 +204,10 @@ fn check_points(
     let points = KeptPoints::of(snapshot, DEFAULT_SPACE, &space)?;
     let count = points.as_ref().map_or(0, KeptPoints::rows);
     if let Some(points) = points {
-        points.each(0, |row, kept_key, point| {
+        points.each_checked(|row, point, coded| {
             if rows.is_live(row) && point.iter().all(|coordinate| coordinate.is_finite()) {
-                // A key that is not the point's hides the texture from questions: a point that no descriptor gives.
-                let whole = kept_key == key(space.metric(), point);
-                kept.push((row, if whole { point.to_vec() } else { Vec::new() }));
+                // A wrong code hides the texture from questions: then the point is none that a descriptor gives.
+                kept.push((row, if coded { point.to_vec() } else { Vec::new() }));
             }
         })?;
     }

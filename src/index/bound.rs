@@ -105,11 +105,6 @@ impl KeyShape {
         width_and_leading(self.dims).0
     }
 
-    /// Numbers of a coarse key that say something: the coordinates that lead, and the norm.
-    pub(super) fn told(&self) -> usize {
-        width_and_leading(self.dims).1 + usize::from(self.has_rest())
-    }
-
     /// Whether the last number of a coarse key is a norm.
     pub(super) fn has_rest(&self) -> bool {
         width_and_leading(self.dims).1 < self.dims
@@ -222,16 +217,6 @@ impl Probe {
     #[inline]
     pub(super) fn fine(&self, coarse: &Coarse, block: &KeyBlock) -> [f32; LANES] {
         self.lanes(coarse.leading, block, &self.key.fine)
-    }
-
-    /// The computed distance of one row's key (squared for L2).
-    #[inline]
-    pub(super) fn distance(&self, key: &[f32]) -> f32 {
-        let differences = key.iter().zip(&self.key.coarse).map(|(value, own)| own - value);
-        match self.metric {
-            Metric::L2 => differences.map(|d| d * d).sum(),
-            Metric::L1 => differences.map(f32::abs).sum(),
-        }
     }
 
     /// The computed distances of the key from boxes (squared for L2): two arrays for each number of a key, the least and

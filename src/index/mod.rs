@@ -4,7 +4,7 @@
 //! those within a radius, or both, among those that a filter allows; a *[`Neighbour`]* is a hit. [`Points`] hold the
 //! rows; the scan (`linear`) reads all of them; a *[`KdTree`]* proposes few. An *[`Index`]* is points with or without a
 //! tree and is what one asks; a *[`SharedIndex`]* lets threads ask while one adds and removes; a *[`ColdScan`]* answers
-//! one question from a store that was just opened, reading few full rows.
+//! one question from a store that was just opened, reading codes of all points and few points.
 //!
 //! Exact means exact: [`Metric::distance`] defines a distance to the bit, hits are ordered by (distance, id), ties at
 //! rank `k` go to the lower id, and every [`Method`] returns the same ids with the same bits, whatever the tail, the
@@ -28,7 +28,7 @@ mod shared;
 mod turn;
 
 pub use crate::metric::{Metric, UnknownMetric};
-pub use cold::{ColdScan, key, key_leading, key_width};
+pub use cold::{ColdScan, NO_POINT, codes};
 pub use error::IndexError;
 pub use index::{Index, Method, UnknownMethod, should_rebuild};
 pub use kdtree::KdTree;

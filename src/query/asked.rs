@@ -132,16 +132,19 @@ impl<'a> Asked<'a> {
     /// Names and tags.
     fn hits(&self, neighbours: &[Neighbour]) -> Result<Vec<Hit>, Error> {
         let ids: Vec<u64> = neighbours.iter().map(|hit| hit.id).collect();
-        let records = self.snapshot.records_of(&ids)?;
+        let records = match &self.ground {
+            Ground::Loaded(state) => state.records_of(&self.snapshot, &ids)?,
+            Ground::File(_) => self.snapshot.records_of(&ids)?.into_iter().map(|record| record.map(Arc::new)).collect(),
+        };
         let known = neighbours.iter().zip(records).filter_map(|(hit, record)| Some((hit, record?)));
         Ok(known
             .enumerate()
             .map(|(at, (hit, record))| Hit {
                 rank: at + 1,
-                id: record.id,
-                name: record.name,
+                id: hit.id,
+                name: record.name.clone(),
                 distance: hit.distance,
-                tags: record.tags,
+                tags: record.tags.clone(),
             })
             .collect())
     }

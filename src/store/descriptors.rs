@@ -115,7 +115,11 @@ pub(super) fn write_f32(bytes: &mut Vec<u8>, values: &[f32]) {
 /// Little-endian `f32`; what does not fill one at the end is left out (callers have checked the length).
 pub(super) fn read_f32(bytes: &[u8]) -> Vec<f32> {
     let (quads, _) = bytes.as_chunks::<4>();
-    quads.iter().map(|&quad| f32::from_le_bytes(quad)).collect()
+    if cfg!(target_endian = "little") {
+        bytemuck::pod_collect_to_vec(quads)
+    } else {
+        quads.iter().map(|&quad| f32::from_le_bytes(quad)).collect()
+    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Point blocks: the coordinates of consecutive rows in one part of a space.
 //!
-//! A space's points are kept in *parts* (leading coordinates, trailing coordinates), each with its own width and its
+//! A space's points are kept in *parts* (codes, coordinates), each with its own width and its
 //! own blocks, so that a cold question reads only the few bytes it needs. To the store, coordinates are numbers.
 
 use super::descriptors::{read_f32, write_f32};
