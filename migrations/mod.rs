@@ -72,7 +72,29 @@ pub fn migrate(path: &Path, options: &MigrateOptions) -> Result<MigrationReport,
         back_up(path, backup)?;
         report.backup = Some(backup.clone());
     }
-    for (number, hop) in (from..).zip(hops) {
+    run_hops(database, from)?;
+    Ok(report)
+}
+
+/// As [`migrate`], on a backend of the caller's own. Tests of crashes do so.
+///
+/// # Errors
+/// As [`migrate`].
+pub fn migrate_with_backend(backend: impl redb::StorageBackend) -> Result<(), MigrationError> {
+    let path = Path::new("(backend)");
+    let mut builder = Builder::new();
+    builder.set_concurrency_mode(ConcurrencyMode::ExclusiveWriter);
+    let database = builder.create_with_backend(backend).map_err(|error| MigrationError::opening(path, error))?;
+    let stamp = stamp::read_committed(path, &database.begin_read().map_err(MigrationError::engine)?)?;
+    if stamp.version > CURRENT_VERSION {
+        return Err(MigrationError::Newer { path: path.into(), found: stamp.version, supported: CURRENT_VERSION });
+    }
+    run_hops(database, stamp.version)
+}
+
+/// Runs every hop from version `from` on, each a transaction, and closes the store.
+fn run_hops(database: Database, from: u32) -> Result<(), MigrationError> {
+    for (number, hop) in (from..).zip(HOPS.get(from as usize..).unwrap_or_default()) {
         let mut transaction = database.begin_write().map_err(MigrationError::engine)?;
         transaction.set_quick_repair(true);
         // The writer's lock is held since `open`; all the same the stamp is read where it is replaced.
@@ -85,8 +107,7 @@ pub fn migrate(path: &Path, options: &MigrateOptions) -> Result<MigrationReport,
         transaction.commit().map_err(MigrationError::engine)?;
         tracing::info!(from = number, to = number + 1, "migrated: {}", hop.what);
     }
-    database.close().map_err(MigrationError::engine)?;
-    Ok(report)
+    database.close().map_err(MigrationError::engine)
 }
 
 /// The version of the store at `path`.

@@ -37,6 +37,58 @@ pub fn write_volume(path: &Path, volume: &Volume) -> Result<(), Error> {
     writer.finish().map_err(failed)
 }
 
+/// The bytes of a C-ordered numpy array.
+pub(crate) fn to_npy<T: npyz::AutoSerialize + Copy>(shape: &[usize], values: &[T]) -> std::io::Result<Vec<u8>> {
+    let sides: Vec<u64> = shape.iter().map(|&side| side as u64).collect();
+    let mut bytes = Vec::new();
+    let mut writer = npyz::WriteOptions::new().default_dtype().shape(&sides).writer(&mut bytes).begin_nd()?;
+    writer.extend(values.iter().copied())?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
+/// The bytes of a volume as a numpy array, as [`write_volume`] writes them.
+pub(crate) fn volume_to_npy(volume: &Volume) -> std::io::Result<Vec<u8>> {
+    let mut shape = volume.shape().to_vec();
+    if volume.channels() > 1 {
+        shape.push(volume.channels());
+    }
+    to_npy(&shape, volume.voxels())
+}
+
+/// A volume as [`write_volume`] wrote it; else what is wrong with it. Takes no more memory than there are bytes to read.
+pub(crate) fn volume_from_npy(reader: impl Read) -> Result<Volume, String> {
+    let npy = npyz::NpyFile::new(reader).map_err(|error| format!("its array cannot be read: {error}"))?;
+    let (shape, channels) = match *npy.shape() {
+        [z, y, x] => ([z, y, x], 1),
+        [z, y, x, 3] => ([z, y, x], 3),
+        ref other => return Err(format!("its array has the shape {other:?}, expected (Z, Y, X) or (Z, Y, X, 3)")),
+    };
+    let sides = shape.map(|side| usize::try_from(side).unwrap_or(usize::MAX));
+    let expected = sides.iter().try_fold(channels, |bytes: usize, &side| bytes.checked_mul(side));
+    if npy.order() != npyz::Order::C {
+        return Err("its array is not in C order".into());
+    }
+    let values = npy.data::<u8>().map_err(|error| format!("its array is not of u8: {error}"))?;
+    let voxels: Vec<u8> = values.collect::<Result<_, _>>().map_err(|_| "its array ends early".to_owned())?;
+    if expected != Some(voxels.len()) {
+        return Err(format!("its array has {} bytes, its shape asks for others", voxels.len()));
+    }
+    Volume::new(sides, channels, voxels).map_err(|error| error.to_string())
+}
+
+/// Rows of moments, (N, 251) `f32`; else what is wrong with them. Takes no more memory than there are bytes to read.
+pub(crate) fn moments_from_npy(reader: impl Read) -> Result<Vec<[f32; MASK_COUNT]>, String> {
+    let npy = npyz::NpyFile::new(reader).map_err(|error| format!("its array cannot be read: {error}"))?;
+    if npy.shape().get(1) != Some(&(MASK_COUNT as u64)) || npy.shape().len() != 2 || npy.order() != npyz::Order::C {
+        return Err(format!("its array has the shape {:?}, expected (views, {MASK_COUNT})", npy.shape()));
+    }
+    let values = npy.data::<f32>().map_err(|error| format!("its array is not of f32: {error}"))?;
+    let values: Vec<f32> = values.collect::<Result<_, _>>().map_err(|_| "its array ends early".to_owned())?;
+    let (rows, _) = values.as_chunks::<MASK_COUNT>();
+    Ok(rows.to_vec())
+}
+
 /// An array that is written row by row, in constant memory.
 pub struct NpyRows<T: npyz::AutoSerialize> {
     shown: String,
@@ -157,12 +209,13 @@ impl MomentRows {
     }
 
     fn row(&mut self) -> Result<Vec<[f32; MASK_COUNT]>, Error> {
-        self.file.read_exact(&mut self.bytes).map_err(|source| {
-            let left = self.left + 1;
-            Error::io(
-                format!("reading {}, which ends before the last {left} rows that its header promises,", self.shown),
-                source,
-            )
+        self.file.read_exact(&mut self.bytes).map_err(|source| match source.kind() {
+            std::io::ErrorKind::UnexpectedEof => Error::ArrayShape {
+                path: self.shown.clone(),
+                found: format!("cut short, {} of its rows are not there", self.left + 1),
+                expected: "every row that its header promises (fetch or write the file again)".into(),
+            },
+            _ => Error::io(format!("reading {}", self.shown), source),
         })?;
         let mut values = Vec::with_capacity(self.bytes.len() / 4);
         (self.decode)(&self.bytes, &mut values);

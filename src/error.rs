@@ -89,6 +89,14 @@ pub enum Error {
         /// What is needed.
         expected: String,
     },
+    /// A folder or tar file is no export of whole textures, or not a whole one.
+    #[error("{path}: {what}: take a folder or tar file that `hlacdb export --textures` wrote")]
+    Exchange {
+        /// The folder or file, as it is shown.
+        path: String,
+        /// What was found.
+        what: String,
+    },
     /// The textures carry no such tag.
     #[error(
         "fewer than two textures carry a tag '{key}': tag them first (`hlacdb tag ID {key}=VALUE`), or name another --label"
@@ -140,6 +148,15 @@ impl Error {
     /// opened read-only.
     pub fn needs_repair(&self) -> bool {
         matches!(self, Self::Store(StoreError::NeedsRepair { .. }))
+    }
+
+    /// True where something stored is not what was written: `repair` may restore it.
+    pub fn is_damage(&self) -> bool {
+        matches!(
+            self,
+            Self::Store(StoreError::Damage(_) | StoreError::DamagedFile { .. })
+                | Self::Space(SpaceError::Damaged { .. } | SpaceError::Version { .. })
+        )
     }
 
     pub(crate) fn io(doing: impl Into<String>, source: std::io::Error) -> Self {

@@ -58,10 +58,14 @@ pub mod volume;
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+#[cfg(feature = "fuzz")]
+#[doc(hidden)]
+pub use database::fuzz_list;
 pub use database::{
-    Added, AxisReport, BlockOf, Compacted, ContentHash, DEFAULT_SPACE, DUPLICATE_DISTANCE, Database, DriftReport,
-    Exported, IdPoint, Imported, Meta, MomentStatistics, NearPair, OpenOptions, Prepared, Reindex, Reindexed,
-    SettingsReport, SpaceReport, StatisticsReport, Texture, Verified,
+    Added, AxisReport, BackedUp, BlockOf, Compacted, ContentHash, DEFAULT_SPACE, DUPLICATE_DISTANCE, DamageReport,
+    Database, DriftReport, Exported, IdPoint, Imported, Meta, MomentStatistics, NearPair, OpenOptions, Prepared,
+    Quarantined, Reindex, Reindexed, Repair, Repaired, SettingsReport, SpaceReport, StatisticsReport, Texture,
+    TexturesExported, TexturesImported, Verified,
 };
 pub use error::{Error, chain};
 pub use progress::Progress;

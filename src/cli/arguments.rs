@@ -81,6 +81,10 @@ enum Command {
     Eval(eval::Eval),
     /// Check everything in the store and list damage
     Verify(verify::Verify),
+    /// Restore what can be derived again in a damaged store
+    Repair(repair::Repair),
+    /// Copy the store as it is at this moment, while others may go on using it
+    Backup(backup::Backup),
     /// Give the space of removed textures back
     Compact(compact::Compact),
     /// Bring a store of an older format to this version's
@@ -129,6 +133,8 @@ impl Cli {
             Command::Import(command) => command.run(context),
             Command::Eval(command) => command.run(context),
             Command::Verify(command) => command.run(context),
+            Command::Repair(command) => command.run(context),
+            Command::Backup(command) => command.run(context),
             Command::Compact(command) => command.run(context),
             Command::Migrate(command) => command.run(context),
             Command::Masks(command) => command.run(context),

@@ -10,6 +10,7 @@ mod read_arguments;
 mod table;
 mod values;
 
+mod backup;
 mod compact;
 mod completions;
 mod dedupe;
@@ -25,6 +26,7 @@ mod migrate;
 mod query;
 mod reindex;
 mod remove;
+mod repair;
 mod sheet;
 mod show;
 mod stats;

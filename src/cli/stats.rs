@@ -63,6 +63,9 @@ impl Stats {
             count(report.descriptors as usize, "descriptor"),
             report.revision
         )?;
+        for lost in &report.quarantined {
+            writeln!(out, "damaged: texture {}: {}", lost.id, lost.what)?;
+        }
         print_settings(out, &report)?;
         print_sizes(out, &report)?;
         print_space(out, &report)?;

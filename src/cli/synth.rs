@@ -98,5 +98,6 @@ fn load(path: &Path) -> Result<Recipe, Failure> {
         doing: format!("reading the recipe {} (built in are: {})", display_path(path), known.join(", ")),
         source,
     })?;
-    Ok(Recipe::parse(&text)?)
+    // The sentence says where in the recipe; which file it is only this place knows.
+    Recipe::parse(&text).map_err(|error| Failure::sentence(format!("{}: {error}", display_path(path))))
 }

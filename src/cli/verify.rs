@@ -44,8 +44,8 @@ impl Verify {
             let verdict = if report.ok() {
                 "no damage"
             } else {
-                "the store is damaged: what is not named above is whole; keep a copy of the file, and ingest the textures named \
-                 above anew into another store"
+                "the store is damaged: what is not named above is whole; run `hlacdb repair`, which keeps the file as it is \
+                 beside the repaired one, or go back to a backup"
             };
             writeln!(context.out(), "{verdict}")?;
         }

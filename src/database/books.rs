@@ -53,6 +53,13 @@ impl Books {
         self.revision = Some(revision);
     }
 
+    /// Notes a commit that changed no statistics.
+    pub(super) fn follow(&mut self, before: u64, revision: u64) {
+        if self.revision == Some(before) {
+            self.revision = Some(revision);
+        }
+    }
+
     /// Counts a texture in.
     pub(super) fn add(&mut self, contributions: &[Contribution]) -> Result<(), Error> {
         self.each(contributions, Statistics::add)
@@ -135,4 +142,15 @@ pub(super) fn load(state: &impl Reads, recipe: &Recipe) -> Result<Statistics, Er
         Some(bytes) => Statistics::decode(&bytes)?,
         None => Statistics::new(recipe),
     })
+}
+
+/// As [`load`]; statistics that are not whole count as those of no texture.
+pub(super) fn load_whole(state: &impl Reads, recipe: &Recipe) -> Result<Statistics, Error> {
+    match load(state, recipe) {
+        Err(error) if error.is_damage() => {
+            tracing::warn!("{}: `hlacdb reindex` builds statistics anew", crate::error::chain(&error));
+            Ok(Statistics::new(recipe))
+        }
+        read => read,
+    }
 }

@@ -10,13 +10,18 @@
 //! - *in between*, new textures are mapped by the fitted space;
 //! - [`Database::reindex`] fits on everything there is.
 
+mod backup;
 mod books;
 pub(crate) mod cold;
 mod counts;
+mod exchange;
 mod kept;
 mod open;
 mod pairs;
 mod prepare;
+mod quarantine;
+mod rebuild;
+mod repair;
 mod search;
 mod spaces;
 mod statistics;
@@ -25,15 +30,22 @@ mod transfer;
 mod verify;
 mod write;
 
+pub use backup::BackedUp;
+#[cfg(feature = "fuzz")]
+pub use exchange::fuzz_list;
+pub use exchange::{TexturesExported, TexturesImported};
 pub use open::OpenOptions;
 pub use pairs::{DUPLICATE_DISTANCE, NearPair};
 pub use prepare::{BlockOf, Meta, Prepared};
+pub use quarantine::Quarantined;
+pub(crate) use quarantine::left_out;
+pub use repair::{Repair, Repaired};
 pub use search::IdPoint;
 pub use spaces::{Reindex, Reindexed};
 pub use statistics::{AxisReport, DriftReport, MomentStatistics, SettingsReport, SpaceReport, StatisticsReport};
 pub use textures::{ContentHash, Texture};
 pub use transfer::{Exported, Imported};
-pub use verify::{Compacted, Verified};
+pub use verify::{Compacted, DamageReport, Verified};
 pub use write::Added;
 
 pub(crate) use search::Ground;

@@ -8,7 +8,7 @@ use super::Database;
 use super::books::Books;
 use crate::error::Error;
 use crate::hlac::View;
-use crate::store::{Options, Settings, ViewCode, Volumes};
+use crate::store::{Options, Settings, Store, ViewCode, Volumes};
 
 /// How a database is opened, and what a new store is made for.
 ///
@@ -95,14 +95,32 @@ impl OpenOptions {
             (false, false, true) => options.create(path, &self.settings())?,
             (false, ..) => return Err(Error::NoStore { path: path.to_path_buf() }),
         };
-        Ok(Database {
+        Ok(Self::database(path, store))
+    }
+
+    /// Opens the store on a backend of the caller's own, or makes one where the backend is empty. Tests of crashes do so.
+    ///
+    /// # Errors
+    /// As [`OpenOptions::open`].
+    pub fn open_with_backend(&self, backend: impl redb::StorageBackend) -> Result<Database, Error> {
+        let empty = backend.len().map_err(|source| Error::io("looking at the backend", source))? == 0;
+        let options = Options::default();
+        let store = match empty {
+            true => options.create_with_backend(backend, &self.settings())?,
+            false => options.open_with_backend(backend)?,
+        };
+        Ok(Self::database(Path::new("(backend)"), store))
+    }
+
+    fn database(path: &Path, store: Store) -> Database {
+        Database {
             path: path.to_path_buf(),
             store,
             books: Mutex::new(Books::default()),
             spaces: Arc::default(),
             building: Mutex::new(()),
             filtered: Mutex::new(None),
-        })
+        }
     }
 
     fn settings(&self) -> Settings {

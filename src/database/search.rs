@@ -7,10 +7,10 @@ use std::time::Instant;
 
 use super::kept::{KeptPoints, mapped_points};
 use super::{Database, cold, held, spaces};
-use crate::error::Error;
+use crate::error::{Error, chain};
 use crate::index::{Index, KdTree, Method, Metric, Points};
 use crate::space::Space;
-use crate::store::{Reads, Record, Rows, Snapshot};
+use crate::store::{DESCRIPTOR_ROWS, Reads, Record, Rows, Snapshot};
 
 /// A space's points as of one revision of the store. It never changes: a query sees one state.
 pub(crate) struct SpaceState {
@@ -19,6 +19,8 @@ pub(crate) struct SpaceState {
     pub(crate) space: Arc<Space>,
     /// The points of all textures that have one.
     pub(crate) index: Index,
+    /// What could not be read when it was made.
+    warnings: Arc<Vec<String>>,
     /// Questions asked of this state and those before it: a tree is built once it is worth it.
     asked: Arc<AtomicU64>,
     /// The records of textures that were hits, as of this revision: reading them costs more than finding them.
@@ -81,6 +83,11 @@ impl Ground {
 }
 
 impl SpaceState {
+    /// What could not be read when it was made, one sentence each.
+    pub(crate) fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
     /// The records of these textures, in their order; `None` for those that are not there. `snapshot` is of the revision of
     /// this state.
     pub(crate) fn records_of(&self, snapshot: &Snapshot, ids: &[u64]) -> Result<Vec<Option<Arc<Record>>>, Error> {
@@ -106,7 +113,7 @@ impl SpaceState {
     /// The same state with another index of the same points.
     fn with_index(&self, index: Index) -> Self {
         let (space, asked, hits) = (Arc::clone(&self.space), Arc::clone(&self.asked), Arc::clone(&self.hits));
-        Self { revision: self.revision, space, index, asked, hits }
+        Self { revision: self.revision, space, index, warnings: Arc::clone(&self.warnings), asked, hits }
     }
 
     /// The metric of the space.
@@ -227,10 +234,19 @@ impl Database {
 /// The points of every texture, from nothing.
 fn loaded(snapshot: &Snapshot, name: &str, space: Arc<Space>) -> Result<SpaceState, Error> {
     let rows = snapshot.rows()?;
-    let (ids, coordinates) = points_from(snapshot, name, &space, &rows, 0)?;
+    let mut warnings = Vec::new();
+    let (ids, coordinates) = points_from(snapshot, name, &space, &rows, 0, &mut warnings)?;
     let points = Points::from_rows(space.metric(), space.dims(), &ids, &coordinates)?;
     let index = Index::from_points(points);
-    Ok(SpaceState { revision: snapshot.revision(), space, index, asked: Arc::default(), hits: Arc::default() })
+    let warnings = Arc::new(warnings);
+    Ok(SpaceState {
+        revision: snapshot.revision(),
+        space,
+        index,
+        warnings,
+        asked: Arc::default(),
+        hits: Arc::default(),
+    })
 }
 
 /// The points of an earlier state, with what was removed and added since.
@@ -242,40 +258,83 @@ fn advanced(state: &SpaceState, snapshot: &Snapshot, name: &str) -> Result<Space
         index.remove(id);
     }
     let first_new = index.points().last_id().map_or(0, |last| rows.ids().partition_point(|&id| id <= last));
-    let (ids, coordinates) = points_from(snapshot, name, &state.space, &rows, first_new)?;
+    let mut warnings = state.warnings.to_vec();
+    let (ids, coordinates) = points_from(snapshot, name, &state.space, &rows, first_new, &mut warnings)?;
     for (&id, point) in ids.iter().zip(coordinates.chunks_exact(state.space.dims().max(1))) {
         index.push(id, point)?;
     }
     let (space, asked) = (Arc::clone(&state.space), Arc::clone(&state.asked));
-    Ok(SpaceState { revision: snapshot.revision(), space, index, asked, hits: Arc::default() })
+    let warnings = Arc::new(warnings);
+    Ok(SpaceState { revision: snapshot.revision(), space, index, warnings, asked, hits: Arc::default() })
 }
 
 /// Ids and points, row-major, of the live rows from `first` on that have a point: kept ones as they are, others mapped.
+///
+/// Kept points that cannot be read are mapped anew; textures whose moments cannot be read are left out. Both are told.
 fn points_from(
     snapshot: &Snapshot,
     name: &str,
     space: &Space,
     rows: &Rows,
     first: usize,
+    warnings: &mut Vec<String>,
 ) -> Result<(Vec<u64>, Vec<f32>), Error> {
-    let (mut ids, mut coordinates) = (Vec::new(), Vec::new());
-    let mut take = |row: usize, point: &[f32]| {
-        if let Some(&id) = rows.ids().get(row).filter(|_| rows.is_live(row))
+    let mut taken = Taken { rows, ids: Vec::new(), coordinates: Vec::new() };
+    let kept = match kept_from(snapshot, name, space, first, &mut taken) {
+        Err(error) if error.is_damage() => {
+            warnings.push(format!("{}; the points are made anew from the moments", chain(&error)));
+            taken = Taken { rows, ids: Vec::new(), coordinates: Vec::new() };
+            0
+        }
+        kept => kept?,
+    };
+    let mut next = kept.max(first);
+    while next < rows.len() {
+        let end = ((next / DESCRIPTOR_ROWS + 1) * DESCRIPTOR_ROWS).min(rows.len());
+        match mapped_points(snapshot, space, next..end) {
+            Ok(points) => points.iter().for_each(|(row, point)| taken.take(*row, point)),
+            Err(error) if error.is_damage() => {
+                let lost = (next..end).filter(|&row| rows.is_live(row)).count();
+                warnings.push(format!("{}; {lost} textures are left out", chain(&error)));
+            }
+            Err(error) => return Err(error),
+        }
+        next = end;
+    }
+    Ok((taken.ids, taken.coordinates))
+}
+
+/// Takes the kept points; returns the first row whose point is not kept.
+fn kept_from(
+    snapshot: &Snapshot,
+    name: &str,
+    space: &Space,
+    first: usize,
+    taken: &mut Taken<'_>,
+) -> Result<usize, Error> {
+    match KeptPoints::of(snapshot, name, space)? {
+        Some(kept) => {
+            kept.each(first, |row, point| taken.take(row, point))?;
+            Ok(kept.rows())
+        }
+        None => Ok(0),
+    }
+}
+
+/// Ids and points of live rows.
+struct Taken<'a> {
+    rows: &'a Rows,
+    ids: Vec<u64>,
+    coordinates: Vec<f32>,
+}
+
+impl Taken<'_> {
+    fn take(&mut self, row: usize, point: &[f32]) {
+        if let Some(&id) = self.rows.ids().get(row).filter(|_| self.rows.is_live(row))
             && point.iter().all(|coordinate| coordinate.is_finite())
         {
-            ids.push(id);
-            coordinates.extend_from_slice(point);
+            self.ids.push(id);
+            self.coordinates.extend_from_slice(point);
         }
-    };
-    let kept = match KeptPoints::of(snapshot, name, space)? {
-        Some(kept) => {
-            kept.each(first, &mut take)?;
-            kept.rows()
-        }
-        None => 0,
-    };
-    for (row, point) in mapped_points(snapshot, space, kept.max(first)..rows.len())? {
-        take(row, &point);
     }
-    Ok((ids, coordinates))
 }

@@ -1,15 +1,17 @@
 //! The spaces of a store: which there are, when they are fitted, and their points on disk.
 
+use std::collections::BTreeSet;
 use std::sync::{Arc, LazyLock};
 
-use super::books::{self, Books};
+use super::books;
 use super::prepare::{contributions, views, with_full};
+use super::rebuild::{Rewrite, contributions_of_moments, rebuild};
 use super::{DEFAULT_SPACE, Database};
 use crate::error::Error;
 use crate::hlac::{self, View};
 use crate::progress::Progress;
 use crate::space::{Contribution, Definition, Prior, Recipe, Space, Statistics};
-use crate::store::{Reads, StoreError, Transaction, ViewCode};
+use crate::store::{Reads, StoreError, Transaction};
 
 /// The definitions of a store's spaces, each restricted to the views that the store keeps.
 ///
@@ -53,6 +55,19 @@ pub(super) fn load(state: &impl Reads, name: &str) -> Result<Space, Error> {
     }
 }
 
+/// As [`load`], to be looked at only: a space that is not whole is shown as the prior alone has it.
+pub(super) fn load_or_prior(state: &impl Reads, name: &str) -> Result<Space, Error> {
+    match load(state, name) {
+        Err(error) if error.is_damage() => {
+            tracing::warn!("{}: `hlacdb reindex` fits spaces anew", crate::error::chain(&error));
+            let definitions = definitions(&views(state));
+            let definition = definitions.iter().find(|definition| definition.name == name).ok_or(error)?;
+            Ok(Space::fit(definition, &Statistics::new(&definition.recipe), None, prior())?)
+        }
+        read => read,
+    }
+}
+
 /// The epoch of the last fit and the textures it was made on; zeros before the first.
 pub(super) fn last_fit(state: &impl Reads) -> Result<(u64, u64), Error> {
     match state.space(DEFAULT_SPACE)? {
@@ -62,6 +77,20 @@ pub(super) fn last_fit(state: &impl Reads) -> Result<(u64, u64), Error> {
         }
         None => Ok((0, 0)),
     }
+}
+
+/// The epoch of the next fit. Spaces that cannot be read do not hinder it: the others say how far epochs have come.
+pub(super) fn next_epoch(state: &impl Reads) -> Result<u64, Error> {
+    let mut last = 0;
+    for definition in definitions(&views(state)) {
+        match state.space(&definition.name) {
+            Ok(Some(bytes)) => last = last.max(Space::decode(&bytes).map_or(0, |space| space.epoch())),
+            Ok(None) => {}
+            Err(StoreError::Damage(damage)) => tracing::warn!("{damage}: the space is fitted anew"),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(last + 1)
 }
 
 /// What is known of textures before a store has any.
@@ -126,15 +155,23 @@ impl Database {
         Ok(Arc::clone(&self.state(&self.store().read()?, name)?.space))
     }
 
-    /// Fits every space on all there is, and maps every texture anew.
+    /// Fits every space on all there is, and maps every texture anew. Statistics that are not whole are built from nothing,
+    /// and spaces and points are written whether or not the old ones can be read.
     ///
     /// # Errors
     /// [`Error::Cancelled`], after which nothing has changed; [`Error::Store`].
     pub fn reindex(&self, options: &Reindex, progress: &dyn Progress) -> Result<Reindexed, Error> {
-        self.change(|transaction, books| {
-            let described = if options.reextract { reextract(transaction, books, progress)? } else { 0 };
+        self.change_mending(|transaction, books, whole| {
+            let counted = |recipe: &Recipe| Ok::<_, Error>(transaction.statistics(&recipe.key())?.is_some());
+            let whole =
+                whole && recipes(&views(transaction)).iter().map(counted).all(|there| there.is_ok_and(|there| there));
+            let described = match (options.reextract, whole || transaction.counts().textures == 0) {
+                (true, _) => rebuild(transaction, books, &Rewrite::All, progress)?,
+                (false, true) => 0,
+                (false, false) => rebuild(transaction, books, &Rewrite::These(&BTreeSet::new()), progress)?,
+            };
             progress.begin("fitting", None);
-            let epoch = last_fit(transaction)?.0 + 1;
+            let epoch = next_epoch(transaction)?;
             fit(transaction, books.all(), epoch)?;
             if progress.cancelled() {
                 return Err(Error::Cancelled);
@@ -145,61 +182,13 @@ impl Database {
     }
 }
 
-/// Describes every texture whose voxels are kept anew, and builds the statistics from nothing: of textures without
-/// voxels, from their moments (they have no octants).
-fn reextract(transaction: &mut Transaction, books: &mut Books, progress: &dyn Progress) -> Result<u64, Error> {
-    progress.begin("describing", Some(transaction.counts().textures));
-    let views = views(transaction);
-    let mut statistics: Vec<Statistics> = recipes(&views).iter().map(Statistics::new).collect();
-    let mut described = 0;
-    let ids: Vec<u64> = transaction.rows()?.live().map(|(_, id)| id).collect();
-    for id in ids {
-        if progress.cancelled() {
-            return Err(Error::Cancelled);
-        }
-        let parts = match transaction.voxels(id)? {
-            Some(volume) => {
-                let texture = hlac::describe(&volume, &with_full(&views));
-                let total = |view: &View| texture.iter().find(|(v, _)| v == view).map(|(_, octants)| octants.total());
-                let moments: Vec<_> = views
-                    .iter()
-                    .map(|view| (ViewCode(view.code()), total(view).map(|sums| sums.descriptor())))
-                    .collect();
-                transaction.set_descriptors(id, &moments)?;
-                if let Some(sums) = total(&View::Full) {
-                    transaction.set_sums(id, &sums)?;
-                }
-                described += 1;
-                contributions(&texture, &views)?
-            }
-            None => kept_contributions(transaction, id, &views)?,
-        };
-        for part in &parts {
-            if let Some(kept) = statistics.iter_mut().find(|kept| kept.recipe() == part.recipe()) {
-                kept.add(part)?;
-            }
-        }
-        progress.advance(1);
-    }
-    books.replace(statistics);
-    Ok(described)
-}
-
-/// What a texture adds to the statistics by its kept moments alone, without octants.
-pub(super) fn kept_contributions(state: &impl Reads, id: u64, views: &[View]) -> Result<Vec<Contribution>, Error> {
-    let moments = super::textures::known_moments(state, id)?;
-    let of = |view: View| moments.iter().find(|(other, _)| *other == view).map(|(_, row)| row);
-    let parts = recipes(views).into_iter().map(|recipe| Contribution::of_moments(&recipe, of));
-    Ok(parts.filter_map(Result::transpose).collect::<Result<_, _>>()?)
-}
-
 /// What a texture adds to the statistics: described anew from its voxels, or, where they are not kept, by its moments.
 pub(super) fn contributions_of(state: &impl Reads, id: u64, views: &[View]) -> Result<Vec<Contribution>, Error> {
     match state.voxels(id) {
         Ok(Some(volume)) => contributions(&hlac::describe(&volume, &with_full(views)), views),
-        Ok(None) => kept_contributions(state, id, views),
+        Ok(None) => contributions_of_moments(state, id, views),
         // Damaged voxels do not stop a texture from being removed.
-        Err(StoreError::Damage(_)) => kept_contributions(state, id, views),
+        Err(StoreError::Damage(_)) => contributions_of_moments(state, id, views),
         Err(error) => Err(error.into()),
     }
 }

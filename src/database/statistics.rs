@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::prepare::views;
+use super::quarantine::{self, Quarantined};
 use super::{Database, books, spaces};
 use crate::error::Error;
 use crate::hlac::{MASK_COUNT, View};
 use crate::space::{Recipe, Space};
-use crate::store::{Reads, ViewCode, Volumes};
+use crate::store::{Reads, StoreError, ViewCode, Volumes};
 
 /// Everything that `hlacdb stats` shows.
 #[derive(Clone, Debug, Serialize)]
@@ -26,6 +27,8 @@ pub struct StatisticsReport {
     pub statistics: MomentStatistics,
     /// What the store was made for.
     pub settings: SettingsReport,
+    /// Textures of which something is known to be lost.
+    pub quarantined: Vec<Quarantined>,
     /// The number of the last commit.
     pub revision: u64,
 }
@@ -108,7 +111,8 @@ pub struct SettingsReport {
 const AXES: usize = 8;
 
 impl Database {
-    /// Sizes, settings, the default space and the normalisation statistics.
+    /// Sizes, settings, the default space and the normalisation statistics. Statistics or a space that cannot be read are
+    /// told in the log and count as those of no texture.
     ///
     /// # Errors
     /// [`Error::Store`], [`Error::Space`].
@@ -128,14 +132,20 @@ impl Database {
             bytes.insert("file".into(), file.len());
         }
         let mut descriptors = 0;
+        let mut quarantined = quarantine::listed(&snapshot)?;
         for view in views(&snapshot) {
             for block in 0..snapshot.descriptor_blocks() {
-                let kept = snapshot.descriptors(ViewCode(view.code()), block)?;
-                descriptors += kept.map_or(0, |block| block.present() as u64);
+                match snapshot.descriptors(ViewCode(view.code()), block) {
+                    Ok(kept) => descriptors += kept.map_or(0, |block| block.present() as u64),
+                    Err(StoreError::Damage(damage)) => {
+                        quarantine::of_block(&snapshot, block, &damage, &mut quarantined)?
+                    }
+                    Err(error) => return Err(error.into()),
+                }
             }
         }
-        let space = spaces::load(&snapshot, space)?;
-        let drift = space.drift(&books::load(&snapshot, space.recipe())?)?;
+        let space = spaces::load_or_prior(&snapshot, space)?;
+        let drift = space.drift(&books::load_whole(&snapshot, space.recipe())?)?;
         Ok(StatisticsReport {
             textures: snapshot.counts().textures,
             descriptors,
@@ -155,6 +165,7 @@ impl Database {
                 format: crate::store::FORMAT_VERSION,
                 kernel: crate::hlac::kernel::active().name(),
             },
+            quarantined,
             revision: snapshot.revision(),
         })
     }
@@ -170,7 +181,7 @@ impl Database {
 }
 
 fn moment_statistics(state: &impl Reads) -> Result<MomentStatistics, Error> {
-    let statistics = books::load(state, &Recipe::plain())?;
+    let statistics = books::load_whole(state, &Recipe::plain())?;
     let (min, max) = statistics.extremes().unwrap_or_default();
     let std = statistics.deviation();
     Ok(MomentStatistics {

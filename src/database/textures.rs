@@ -88,18 +88,16 @@ impl Database {
         Ok(record.ok_or(StoreError::NoSuchTexture { id })?.into())
     }
 
-    /// The textures that carry all of these tags (all textures where there are none), in id order.
+    /// The textures that carry all of these tags (all textures where there are none), in id order. One whose record is
+    /// damaged is left out, with a warning in the log.
     ///
     /// # Errors
     /// [`Error::Store`].
     pub fn textures(&self, filters: &[(String, String)]) -> Result<Vec<Texture>, Error> {
         let snapshot = self.store().read()?;
         match tagged_with_all(&snapshot, filters)? {
-            None => snapshot.records().map(|record| Ok(record?.into())).collect(),
-            Some(ids) => {
-                let records = ids.into_iter().filter_map(|id| snapshot.record(id).transpose());
-                records.map(|record| Ok(record?.into())).collect()
-            }
+            None => whole(snapshot.records()),
+            Some(ids) => whole(ids.into_iter().filter_map(|id| snapshot.record(id).transpose())),
         }
     }
 
@@ -145,8 +143,21 @@ impl Database {
     }
 }
 
+/// The textures of those records that are whole.
+fn whole(records: impl Iterator<Item = Result<Record, StoreError>>) -> Result<Vec<Texture>, Error> {
+    let mut textures = Vec::new();
+    for record in records {
+        match record {
+            Ok(record) => textures.push(record.into()),
+            Err(StoreError::Damage(damage)) => tracing::warn!("{damage}: the texture is left out"),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(textures)
+}
+
 /// The moments of a texture in every view that it has.
-fn moments(state: &impl Reads, id: u64) -> Result<Vec<(View, [f32; MASK_COUNT])>, Error> {
+pub(super) fn moments(state: &impl Reads, id: u64) -> Result<Vec<(View, [f32; MASK_COUNT])>, Error> {
     let mut moments = Vec::new();
     for view in views(state) {
         if let Some(row) = state.descriptor(id, ViewCode(view.code()))? {
@@ -200,7 +211,13 @@ impl Database {
 pub(super) fn tagged_with_all(state: &impl Reads, filters: &[(String, String)]) -> Result<Option<Vec<u64>>, Error> {
     let mut allowed: Option<Vec<u64>> = None;
     for (key, value) in filters {
-        let ids = state.tagged(key, value)?;
+        let ids = match state.tagged(key, value) {
+            Err(StoreError::Damage(damage)) => {
+                tracing::warn!("{damage}: the tags are read from the records, one by one");
+                tagged_by_record(state, key, value)?
+            }
+            ids => ids?,
+        };
         allowed = Some(match allowed {
             None => ids,
             Some(mut both) => {
@@ -210,4 +227,17 @@ pub(super) fn tagged_with_all(state: &impl Reads, filters: &[(String, String)]) 
         });
     }
     Ok(allowed)
+}
+
+/// The ids of the textures that carry a tag, as their records say.
+fn tagged_by_record(state: &impl Reads, key: &str, value: &str) -> Result<Vec<u64>, Error> {
+    let mut ids = Vec::new();
+    for record in state.records() {
+        match record {
+            Ok(record) if record.tags.get(key).is_some_and(|held| held == value) => ids.push(record.id),
+            Ok(_) | Err(StoreError::Damage(_)) => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(ids)
 }

@@ -44,6 +44,26 @@ pub struct DamageReport {
     pub what: String,
 }
 
+impl DamageReport {
+    /// The texture that is hit, where the damage is of one.
+    pub(super) fn texture(&self) -> Option<u64> {
+        Damage { table: self.table, key: self.key.clone(), what: String::new() }.texture()
+    }
+
+    /// Of a file that cannot be opened.
+    pub(super) fn of_file(error: &Error) -> Self {
+        match error {
+            Error::Store(StoreError::Damage(damage) | StoreError::DamagedFile { damage, .. }) => damage.clone().into(),
+            other => damaged("(file)", "", crate::error::chain(other)),
+        }
+    }
+
+    /// The same, as an error.
+    pub(super) fn into_error(self) -> Error {
+        StoreError::Damage(Damage { table: self.table, key: self.key, what: self.what }).into()
+    }
+}
+
 impl From<Damage> for DamageReport {
     fn from(damage: Damage) -> Self {
         Self { table: damage.table, key: damage.key, what: damage.what }
@@ -100,18 +120,18 @@ impl Database {
 }
 
 /// Hands the store's progress on.
-struct Bridge<'a> {
+pub(super) struct Bridge<'a> {
     progress: &'a dyn Progress,
     phase: &'static str,
     done: u64,
 }
 
 impl<'a> Bridge<'a> {
-    fn new(progress: &'a dyn Progress) -> Self {
+    pub(super) fn new(progress: &'a dyn Progress) -> Self {
         Self { progress, phase: "", done: 0 }
     }
 
-    fn tell(&mut self, step: store::Progress) -> ControlFlow<()> {
+    pub(super) fn tell(&mut self, step: store::Progress) -> ControlFlow<()> {
         if step.phase != self.phase {
             self.progress.begin(step.phase, Some(step.total));
             (self.phase, self.done) = (step.phase, 0);
@@ -122,7 +142,7 @@ impl<'a> Bridge<'a> {
     }
 }
 
-fn cancelled(error: StoreError) -> Error {
+pub(super) fn cancelled(error: StoreError) -> Error {
     match error {
         StoreError::Cancelled { .. } => Error::Cancelled,
         other => other.into(),

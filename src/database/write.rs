@@ -94,7 +94,7 @@ impl Database {
     /// # Errors
     /// [`StoreError::NoSuchTexture`]; [`StoreError::Invalid`] for an empty key, in [`Error::Store`].
     pub fn tag(&self, id: u64, set: &[(String, String)], unset: &[String]) -> Result<Texture, Error> {
-        self.change(|transaction, _| {
+        self.change_records(|transaction| {
             for key in unset {
                 transaction.unset_tag(id, key)?;
             }
@@ -134,23 +134,57 @@ impl Database {
         self.change_if(|transaction, books| Ok((act(transaction, books)?, true)))
     }
 
+    /// As [`Database::change`], and statistics that are not whole do not stop it: `act` is told whether they are, and builds
+    /// them anew.
+    pub(super) fn change_mending<T>(
+        &self,
+        act: impl FnOnce(&mut Transaction, &mut Books, bool) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        self.change_with(true, |transaction, books, whole| Ok((act(transaction, books, whole)?, true)))
+    }
+
+    /// A change that touches no numbers: statistics and points are neither read nor written.
+    fn change_records<T>(&self, act: impl FnOnce(&mut Transaction) -> Result<T, Error>) -> Result<T, Error> {
+        let mut books = held(self.books.lock());
+        let mut transaction = self.store().write()?;
+        let before = transaction.revision();
+        let value = act(&mut transaction)?;
+        let revision = transaction.commit()?;
+        books.follow(before, revision);
+        Ok(value)
+    }
+
     /// As [`Database::change`]; nothing is written where `act` says that nothing changed.
     fn change_if<T>(
         &self,
         act: impl FnOnce(&mut Transaction, &mut Books) -> Result<(T, bool), Error>,
     ) -> Result<T, Error> {
+        self.change_with(false, |transaction, books, _| act(transaction, books))
+    }
+
+    fn change_with<T>(
+        &self,
+        mending: bool,
+        act: impl FnOnce(&mut Transaction, &mut Books, bool) -> Result<(T, bool), Error>,
+    ) -> Result<T, Error> {
         let mut books = held(self.books.lock());
         let mut transaction = self.store().write()?;
-        let done =
-            books.open(&transaction).and_then(|()| act(&mut transaction, &mut books)).and_then(|(value, changed)| {
-                if changed {
-                    books.save(&mut transaction)?;
-                    keep_points(&mut transaction)?;
-                    let revision = transaction.commit()?;
-                    books.close(revision);
-                }
-                Ok(value)
-            });
+        let opened = match books.open(&transaction) {
+            Err(error) if mending && error.is_damage() => {
+                tracing::warn!("{}: the statistics are built anew", crate::error::chain(&error));
+                Ok(false)
+            }
+            opened => opened.map(|()| true),
+        };
+        let done = opened.and_then(|whole| act(&mut transaction, &mut books, whole)).and_then(|(value, changed)| {
+            if changed {
+                books.save(&mut transaction)?;
+                keep_points(&mut transaction)?;
+                let revision = transaction.commit()?;
+                books.close(revision);
+            }
+            Ok(value)
+        });
         if done.is_err() {
             // What was counted in memory is no longer what is on disk.
             *books = Books::default();

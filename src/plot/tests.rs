@@ -52,6 +52,7 @@ fn reported(count: u64, axes: usize) -> StatisticsReport {
             leading_share: 0.9,
         },
         settings: SettingsReport { views: vec![], volumes: "keep", spaces: vec![], format: 1, kernel: "scalar" },
+        quarantined: Vec::new(),
         revision: 1,
     }
 }

@@ -7,12 +7,12 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::{Answer, Combine, Example, HITS, Hit, Query};
-use crate::database::{DEFAULT_SPACE, Database, Ground, known_moments};
+use crate::database::{DEFAULT_SPACE, Database, Ground, known_moments, left_out};
 use crate::error::Error;
 use crate::hlac::{self, MASK_COUNT, View};
 use crate::index::{Allowed, Neighbour, Question};
 use crate::space::Space;
-use crate::store::{Reads, Snapshot};
+use crate::store::{Reads, Snapshot, StoreError};
 
 impl Database {
     /// The textures most alike to the query's examples, exactly, ordered by (distance, id).
@@ -25,7 +25,11 @@ impl Database {
     /// an example has none of the views that the space looks at, and whatever reading the store gives. An empty store has no
     /// hits: that is no error.
     pub fn query(&self, query: &Query<'_>) -> Result<Answer, Error> {
-        Asked::new(self, query, 1)?.answer(query)
+        match Asked::new(self, query, 1).and_then(|asked| asked.answer(query)) {
+            // What is damaged in the file the points in memory may do without: they are made anew where they must be.
+            Err(error) if error.is_damage() => Asked::new(self, query, 2)?.answer(query),
+            answer => answer,
+        }
     }
 
     /// Many queries at once, in parallel; answers in the order of the queries.
@@ -87,32 +91,50 @@ impl<'a> Asked<'a> {
         let points: Points =
             query.examples.iter().map(|example| self.point(example, query)).collect::<Result<_, _>>()?;
         let allowed = self.database.tagged(&self.snapshot, &query.filters)?;
-        let warnings = self.warnings(query, allowed.as_deref().map(Vec::as_slice))?;
+        let mut warnings = self.warnings(query, allowed.as_deref().map(Vec::as_slice))?;
         let began = Instant::now();
         let k = query.k.unwrap_or(if query.within.is_some() { usize::MAX } else { HITS });
         let mut own: Vec<u64> = points.iter().filter_map(|(_, id)| *id).filter(|_| query.exclude_self).collect();
-        own.sort_unstable();
-        own.dedup();
-        let ask = |point: &[f32]| {
-            let question = Question {
-                point,
-                // One example is left out by the index, more are taken out of the answer.
-                k: if own.len() > 1 { k.saturating_add(own.len()) } else { k },
-                within: query.within,
-                allowed: allowed.as_deref().map_or(Allowed::All, |ids| Allowed::Ids(ids)),
-                exclude: own.first().copied().filter(|_| own.len() == 1),
+        own.extend(left_out(&self.snapshot, &mut warnings));
+        if let Ground::Loaded(state) = &self.ground {
+            warnings.extend_from_slice(state.warnings());
+        }
+        let (hits, index, elapsed) = loop {
+            own.sort_unstable();
+            own.dedup();
+            let ask = |point: &[f32]| {
+                let question = Question {
+                    point,
+                    // One example is left out by the index, more are taken out of the answer.
+                    k: if own.len() > 1 { k.saturating_add(own.len()) } else { k },
+                    within: query.within,
+                    allowed: allowed.as_deref().map_or(Allowed::All, |ids| Allowed::Ids(ids)),
+                    exclude: own.first().copied().filter(|_| own.len() == 1),
+                };
+                self.search(&question, query)
             };
-            self.search(&question, query)
+            let (mut neighbours, index) = match (&points[..], query.combine) {
+                ([(point, _)], _) => ask(point)?,
+                (points, Combine::Mean) => ask(&mean(points))?,
+                (points, Combine::Min) => nearest_of(points.iter().map(|(point, _)| ask(point)))?,
+            };
+            neighbours.retain(|hit| own.binary_search(&hit.id).is_err());
+            neighbours.truncate(k);
+            let elapsed = began.elapsed();
+            match self.hits(&neighbours) {
+                // A texture whose record cannot be read is nobody's hit: the next one takes its place.
+                Err(Error::Store(StoreError::Damage(damage)))
+                    if damage.texture().is_some_and(|id| !own.contains(&id)) =>
+                {
+                    warnings.push(format!("{damage}: the texture is left out"));
+                    own.extend(damage.texture());
+                }
+                hits => break (hits?, index, elapsed),
+            }
         };
-        let (mut neighbours, index) = match (&points[..], query.combine) {
-            ([(point, _)], _) => ask(point)?,
-            (points, Combine::Mean) => ask(&mean(points))?,
-            (points, Combine::Min) => nearest_of(points.iter().map(|(point, _)| ask(point)))?,
-        };
-        neighbours.retain(|hit| own.binary_search(&hit.id).is_err());
-        neighbours.truncate(k);
-        let elapsed = began.elapsed();
-        let hits = self.hits(&neighbours)?;
+        for warning in &warnings {
+            tracing::warn!("{warning}");
+        }
         Ok(Answer { space: self.name.clone(), index, epoch: self.space().epoch(), elapsed, warnings, hits })
     }
 

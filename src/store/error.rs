@@ -83,12 +83,15 @@ pub enum StoreError {
     },
     /// Another handle has the store open for writing.
     #[error(
-        "the store {} is held by another writer: end that process or wait for it to finish; reading (query, list, stats, ...) works meanwhile",
-        show(path)
+        "the store {} is held by another writer{}: end that process or wait for it to finish; reading (query, list, stats, ...) works meanwhile",
+        show(path),
+        holder.map_or_else(String::new, |id| format!(" (process {id})"))
     )]
     HeldByWriter {
         /// The store.
         path: PathBuf,
+        /// The process, where the system tells.
+        holder: Option<u32>,
     },
     /// A read-only handle found the store as a crash left it.
     #[error(
@@ -118,8 +121,19 @@ pub enum StoreError {
         doing: &'static str,
     },
     /// A value is not what was written.
-    #[error(transparent)]
-    Damage(#[from] Damage),
+    #[error("{0}: run `hlacdb repair`, or go back to a backup")]
+    Damage(Damage),
+    /// The file as a whole cannot be opened.
+    #[error(
+        "the store {} is damaged or cut short ({damage}): run `hlacdb repair` to save what is whole, or go back to a backup",
+        show(path)
+    )]
+    DamagedFile {
+        /// The store.
+        path: PathBuf,
+        /// What was met first.
+        damage: Damage,
+    },
     /// No texture has this id.
     #[error("there is no texture with id {id}: `hlacdb list` shows the ids")]
     NoSuchTexture {
@@ -161,6 +175,19 @@ pub enum StoreError {
         #[source]
         source: Box<dyn Error + Send + Sync>,
     },
+}
+
+impl From<Damage> for StoreError {
+    fn from(damage: Damage) -> Self {
+        Self::Damage(damage)
+    }
+}
+
+impl Damage {
+    /// The texture that is hit, where the damage is of one.
+    pub fn texture(&self) -> Option<u64> {
+        self.key.strip_prefix("id ")?.split(',').next()?.parse().ok()
+    }
 }
 
 impl StoreError {

@@ -15,10 +15,11 @@ use redb::{
 use super::frame::{self, Kind};
 use super::guard::guarded;
 use super::header::{FORMAT_VERSION, Header, KEY_FORMAT, KEY_SETTINGS, KEY_STATE, KNOWN_FEATURES, State};
+use super::holder;
 use super::snapshot::{self, Snapshot};
 use super::tables::Source;
 use super::transaction::Transaction;
-use super::{Settings, StoreError, codec, keys};
+use super::{Damage, Settings, StoreError, codec, keys};
 
 /// The first bytes of every file of the engine.
 const ENGINE_MAGIC: [u8; 9] = *b"redb\x1A\x0A\xA9\x0D\x0A";
@@ -91,12 +92,37 @@ impl Options {
         let path = path.as_ref();
         let file = open_file(path, false)?;
         let backend = FileBackend::new(file).map_err(|error| self.refused(path, error))?;
-        guarded("(file)", || {
+        whole(path, || {
             let opened = self.builder(&backend).open_read_only_with_backend(backend);
             let database = opened.map_err(|error| self.refused(path, error))?;
             check_version(path, &database, false)?;
             Ok(Store { path: path.into(), handle: RwLock::new(Handle::Reader(database)) })
         })
+    }
+
+    /// Opens a store that may be damaged, to salvage what is whole: for writing, so that nobody else writes meanwhile, or, where
+    /// the engine refuses that, for reading. Its header is not looked at. Use it for [`Store::salvage`] only.
+    ///
+    /// # Errors
+    /// As [`Store::open`], where neither way leads in.
+    pub fn open_damaged(&self, path: impl AsRef<Path>) -> Result<Store, StoreError> {
+        let path = path.as_ref();
+        let opened = |writing: bool| {
+            let backend = FileBackend::new(open_file(path, writing)?).map_err(|error| self.refused(path, error))?;
+            guarded("(file)", || {
+                let builder = self.builder(&backend);
+                let handle = match writing {
+                    true => builder.create_with_backend(backend).map(Handle::Writer),
+                    false => builder.open_read_only_with_backend(backend).map(Handle::Reader),
+                };
+                let handle = RwLock::new(handle.map_err(|error| self.refused(path, error))?);
+                Ok(Store { path: path.into(), handle })
+            })
+        };
+        match opened(true) {
+            Err(StoreError::Damage(_) | StoreError::Engine { .. } | StoreError::Io { .. }) => opened(false),
+            opened => opened,
+        }
     }
 
     /// Creates a store on a backend of the caller's own, which must be empty.
@@ -123,7 +149,7 @@ impl Options {
     }
 
     fn open_on(&self, path: &Path, backend: impl StorageBackend) -> Result<Store, StoreError> {
-        guarded("(file)", || {
+        whole(path, || {
             let opened = self.builder(&backend).create_with_backend(backend);
             let database = opened.map_err(|error| self.refused(path, error))?;
             check_version(path, &database, true)?;
@@ -146,7 +172,7 @@ impl Options {
         let path = path.to_path_buf();
         match error {
             redb::DatabaseError::DatabaseAlreadyOpen | redb::DatabaseError::LockProtocolMismatch => {
-                StoreError::HeldByWriter { path }
+                StoreError::HeldByWriter { holder: holder::of(&path), path }
             }
             redb::DatabaseError::RepairAborted => StoreError::NeedsRepair { path },
             redb::DatabaseError::UpgradeRequired(version) => {
@@ -249,14 +275,30 @@ impl Store {
     /// # Errors
     /// [`StoreError::ReadOnly`], [`StoreError::Poisoned`].
     pub fn write(&self) -> Result<Transaction, StoreError> {
-        let handle = self.handle();
-        let Handle::Writer(database) = &*handle else { return Err(StoreError::ReadOnly) };
-        Transaction::new(begin_write(database)?)
+        Transaction::new(self.begin()?)
     }
 
     fn handle(&self) -> RwLockReadGuard<'_, Handle> {
         // Nothing that holds the lock leaves the handle half-changed, so a panic elsewhere does not matter.
         self.handle.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Hands the engine's handle, whichever it is, to one of two closures.
+    pub(super) fn with_engine<T>(
+        &self,
+        writer: impl FnOnce(&Database) -> Result<T, StoreError>,
+        reader: impl FnOnce(&ReadOnlyDatabase) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        guarded("(file)", || match &*self.handle() {
+            Handle::Writer(database) => writer(database),
+            Handle::Reader(database) => reader(database),
+        })
+    }
+
+    /// Begins changes of the bare tables.
+    pub(super) fn begin(&self) -> Result<WriteTransaction, StoreError> {
+        let Handle::Writer(database) = &*self.handle() else { return Err(StoreError::ReadOnly) };
+        begin_write(database)
     }
 
     /// Moves all pages to the front of the file and cuts off the rest.
@@ -304,6 +346,21 @@ fn write_empty(database: &Database, settings: &Settings) -> Result<(), StoreErro
     }
     keys::create_all(&transaction).map_err(StoreError::when("creating a table"))?;
     transaction.commit().map_err(StoreError::when("committing"))
+}
+
+/// Opens something; damage that is met so early is told of the whole file, by its name.
+fn whole(path: &Path, open: impl FnOnce() -> Result<Store, StoreError>) -> Result<Store, StoreError> {
+    let torn = |what: String| StoreError::DamagedFile {
+        path: path.into(),
+        damage: Damage { table: "(file)", key: String::new(), what },
+    };
+    guarded("(file)", open).map_err(|error| match error {
+        StoreError::Damage(damage) => StoreError::DamagedFile { path: path.into(), damage },
+        // The engine asks for bytes that are not there: the file is shorter than it says.
+        StoreError::Io { source, .. } if source.kind() == io::ErrorKind::UnexpectedEof => torn("it ends early".into()),
+        StoreError::Engine { source, .. } => torn(source.to_string()),
+        other => other,
+    })
 }
 
 /// Refuses what is no store, and stores of other formats.
@@ -356,7 +413,7 @@ fn open_file(path: &Path, writing: bool) -> Result<File, StoreError> {
 }
 
 /// The name under which a store grows until it is whole: beside its own, so that one file system holds both.
-fn passing_name(path: &Path) -> PathBuf {
+pub(super) fn passing_name(path: &Path) -> PathBuf {
     let mut name = std::ffi::OsString::from(".");
     name.push(path.file_name().unwrap_or_default());
     name.push(format!(".{}.creating", std::process::id()));
@@ -364,7 +421,7 @@ fn passing_name(path: &Path) -> PathBuf {
 }
 
 /// Gives the file its own name, unless there is something of that name already.
-fn give_name(passing: &Path, path: &Path) -> io::Result<()> {
+pub(super) fn give_name(passing: &Path, path: &Path) -> io::Result<()> {
     match fs::hard_link(passing, path) {
         Ok(()) => fs::remove_file(passing)?,
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Err(error),

@@ -7,7 +7,8 @@ use redb::{ReadTransaction, ReadableDatabase};
 use super::frame::{self, Kind};
 use super::guard::guarded;
 use super::header::{Header, KEY_FORMAT, KEY_SETTINGS, KEY_STATE, State};
-use super::reads::{Reads, sealed};
+use super::reads::sealed::Source as _;
+use super::reads::{Reads, read_stream, sealed};
 use super::tables::{Source, Tables};
 use super::{Settings, StoreError, codec, keys};
 
@@ -30,6 +31,17 @@ impl Snapshot {
             let transaction = database.begin_read().map_err(StoreError::when("taking a snapshot"))?;
             let (state, settings) = read_meta(Source::Read(&transaction))?;
             Ok(Self { inner: Arc::new(Inner { transaction, state, settings }) })
+        })
+    }
+
+    /// Reads the kept voxels of the texture `id` and checks them, without expanding them.
+    ///
+    /// # Errors
+    /// [`StoreError::Damage`] where they are not whole.
+    pub fn check_voxels(&self, id: u64) -> Result<(), StoreError> {
+        guarded("chunks", || match self.record(id)?.and_then(|record| record.voxels) {
+            Some(kept) => read_stream(self.tables(), id, kept.pieces, kept.bytes).map(drop),
+            None => Ok(()),
         })
     }
 

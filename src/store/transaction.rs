@@ -228,7 +228,7 @@ impl Transaction {
     /// [`StoreError::Invalid`] for an empty key, NUL, or more than [`MAX_NAME`](super::MAX_NAME) bytes.
     pub fn put_statistics(&mut self, key: &str, bytes: &[u8]) -> Result<(), StoreError> {
         check_name(key)?;
-        self.writing(|this| blob::STATISTICS.put(Source::Write(&this.transaction), key, bytes))
+        self.put_blob(blob::STATISTICS, key, bytes)
     }
 
     /// Removes the statistics under `key`; whether there were any.
@@ -243,7 +243,7 @@ impl Transaction {
     /// [`StoreError::Invalid`] for a malformed name, as for [`Transaction::put_statistics`].
     pub fn put_space(&mut self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
         check_name(name)?;
-        self.writing(|this| blob::SPACES.put(Source::Write(&this.transaction), name, bytes))
+        self.put_blob(blob::SPACES, name, bytes)
     }
 
     /// Removes a space and its points; whether there was one.
@@ -349,6 +349,16 @@ impl Transaction {
         self.state.rows = rows;
     }
 
+    /// After a salvage: the counters.
+    pub(super) fn set_state(&mut self, state: State) {
+        self.state = state;
+    }
+
+    /// Keeps a blob in one of the two tables.
+    pub(super) fn put_blob(&mut self, blobs: blob::Blobs, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        self.writing(|this| blobs.put(Source::Write(&this.transaction), name, bytes))
+    }
+
     /// Runs an operation that writes. Where it fails the transaction is broken: it may be half done.
     pub(super) fn writing<T>(
         &mut self,
@@ -363,7 +373,7 @@ impl Transaction {
         Ok(done)
     }
 
-    fn insert<'k, 'v, K: redb::Key + 'static, V: redb::Value + 'static>(
+    pub(super) fn insert<'k, 'v, K: redb::Key + 'static, V: redb::Value + 'static>(
         &self,
         table: redb::TableDefinition<K, V>,
         key: impl std::borrow::Borrow<K::SelfType<'k>>,
@@ -386,7 +396,7 @@ impl Transaction {
         tags.iter().try_for_each(|(key, value)| self.insert_tag(id, key, value))
     }
 
-    fn insert_tag(&self, id: u64, key: &str, value: &str) -> Result<(), StoreError> {
+    pub(super) fn insert_tag(&self, id: u64, key: &str, value: &str) -> Result<(), StoreError> {
         let key = keys::tag(key, value, id);
         self.insert(keys::TAGS, &*key, &frame::short_sum(&key))
     }
@@ -400,7 +410,7 @@ impl Transaction {
         Ok(())
     }
 
-    fn add_row(&mut self, id: u64, descriptors: &[(ViewCode, [f32; MASK_COUNT])]) -> Result<(), StoreError> {
+    pub(super) fn add_row(&mut self, id: u64, descriptors: &[(ViewCode, [f32; MASK_COUNT])]) -> Result<(), StoreError> {
         let row = self.state.rows;
         self.open_row_block((row / ROWS_PER_BLOCK as u64) as u32)?.push(id);
         for (view, moments) in descriptors {
@@ -432,7 +442,7 @@ impl Transaction {
         self.insert(keys::ROWS, block, &*builder.seal(&block.to_le_bytes()))
     }
 
-    fn set_descriptor(
+    pub(super) fn set_descriptor(
         &mut self,
         row: u64,
         view: ViewCode,

@@ -99,13 +99,24 @@ impl<'de, const N: usize> Visitor<'de> for NumbersVisitor<N> {
 }
 
 /// `size = 64` or `size = [Z, Y, X]`.
-struct Size([u64; 3]);
+struct Size([f64; 3]);
 
 impl<'de> Deserialize<'de> for Size {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let sides = deserializer.deserialize_any(NumbersVisitor::<3>("a side or [Z, Y, X], in voxels"))?;
-        // Out of range, negative and NaN become 0, parts of a voxel are refused as 0 too: no side is that short.
-        Ok(Self(sides.map(|side| if side == side.trunc() { side as u64 } else { 0 })))
+        Ok(Self(sides))
+    }
+}
+
+/// A number of textures.
+fn count<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    let [found] = deserializer.deserialize_any(NumbersVisitor::<1>("a number of textures"))?;
+    match found {
+        // 2^53 and beyond are no exact numbers any more, and far beyond what is allowed.
+        found if found >= 0.0 && found == found.trunc() => Ok(found as u64),
+        found => Err(serde::de::Error::custom(format!(
+            "a count of {found} was found, but it must be a whole number, 1 or more"
+        ))),
     }
 }
 
@@ -139,6 +150,7 @@ struct NuisanceText {
 struct GroupText {
     name: Option<String>,
     family: String,
+    #[serde(deserialize_with = "count")]
     count: u64,
     size: Option<Size>,
     #[serde(default)]
@@ -273,8 +285,8 @@ fn check_name(name: &str) -> Result<(), RecipeError> {
 }
 
 fn checked_shape(size: &Size, place: &str) -> Result<Shape, RecipeError> {
-    let fits = |side: &u64| (MIN_SIDE as u64..=LONGEST).contains(side);
-    if size.0.iter().all(fits) && size.0.iter().product::<u64>() <= MOST_VOXELS {
+    let fits = |side: &f64| (MIN_SIDE as f64..=LONGEST as f64).contains(side) && *side == side.trunc();
+    if size.0.iter().all(fits) && size.0.iter().product::<f64>() <= MOST_VOXELS as f64 {
         return Ok(size.0.map(|side| side as usize));
     }
     Err(RecipeError::Size { place: place.into(), shape: size.0, longest: LONGEST, voxels: MOST_VOXELS })
@@ -368,7 +380,7 @@ mod tests {
             (with_group("family = 'marble'\ncount = 1\nsize = 5000"), "group \"marble\" asks for textures of 5000 x"),
             (with_group("family = 'marble'\ncount = 1\nsize = [8, 8]"), "line 7 of the recipe: invalid length 2"),
             (with_group("family = 'marble'\ncount = 1\nsize = 2"), "of 2 x 2 x 2 voxels"),
-            (with_group("family = 'marble'\ncount = 1\nsize = 8.5"), "of 0 x 0 x 0 voxels"),
+            (with_group("family = 'marble'\ncount = 1\nsize = 8.5"), "of 8.5 x 8.5 x 8.5 voxels"),
             (with_group("family = 'marble'\ncount = 1\nparameters.lenght = 3"), "no such parameter; it has: scale,"),
             (
                 with_group("family = 'marble'\ncount = 1\nparameters.scale = [9, 3]"),

@@ -67,7 +67,7 @@ pub enum RecipeError {
         /// `group "..."` or `the recipe`.
         place: String,
         /// The shape that was found.
-        shape: [u64; 3],
+        shape: [f64; 3],
         /// The longest side.
         longest: u64,
         /// The most voxels.

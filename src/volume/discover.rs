@@ -153,7 +153,10 @@ impl Walk {
             Some(_) => "following the link, which leads back to a folder above it,",
             None => "looking into the folder",
         };
-        Some(ReadError { path, error: VolumeError::Io { doing, source: io::Error::from(error) } })
+        // The system's own words: the walk's would name path and cause once more.
+        let text = error.to_string();
+        let source = error.into_io_error().unwrap_or_else(|| io::Error::other(text));
+        Some(ReadError { path, error: VolumeError::Io { doing, source } })
     }
 }
 

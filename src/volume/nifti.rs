@@ -226,6 +226,12 @@ impl Numbers<'_> {
 pub(super) fn extent(path: &Path, options: &ReadOptions) -> Result<Extent, VolumeError> {
     let header_path = header_of(path)?;
     let bytes = header_bytes(&header_path)?;
+    if let Some(size) = cut_short(&bytes) {
+        return Err(VolumeError::Malformed {
+            found: format!("the file ends after {} bytes, within its header of {size}", bytes.len()),
+            expected: "samples should follow the header: the file is truncated, fetch or write it again".into(),
+        });
+    }
     let header = Header::parse(&bytes).ok_or_else(|| VolumeError::Malformed {
         found: format!("the header begins with \"{}\"", bytes[..bytes.len().min(8)].escape_ascii()),
         expected: "a NIfTI header begins with its size, 348 or 540, and has the magic n+1, ni1, n+2 or ni2".into(),
@@ -247,6 +253,13 @@ pub(super) fn extent(path: &Path, options: &ReadOptions) -> Result<Extent, Volum
         scaling: header.scaling.unwrap_or(Scaling::IDENTITY),
         spacing: header.spacing(),
     })
+}
+
+/// The size that a header says it has, where there is less of it.
+fn cut_short(bytes: &[u8]) -> Option<usize> {
+    let said: [u8; 4] = *bytes.first_chunk()?;
+    let said = [u32::from_le_bytes(said), u32::from_be_bytes(said)];
+    [SIZE_1, SIZE_2].into_iter().find(|&size| said.contains(&(size as u32)) && bytes.len() < size)
 }
 
 /// The first bytes of a header file, decompressed; fewer where it is shorter.

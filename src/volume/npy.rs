@@ -157,14 +157,16 @@ impl Header {
         reader.read_exact(&mut text).map_err(ended)?;
         let text = String::from_utf8_lossy(&text);
         let length = start.len() as u64 + width as u64 + u64::from(bytes);
-        Self::parse(&text, length).ok_or_else(|| VolumeError::Malformed {
-            found: format!("the header of the array is \"{}\"", text.trim().escape_debug()),
-            expected: "it should be a dictionary of 'descr', 'fortran_order' and 'shape'".into(),
+        Self::parse(&text, length).unwrap_or_else(|| {
+            Err(VolumeError::Malformed {
+                found: format!("the header of the array is \"{}\"", shortened(text.trim())),
+                expected: "it should be a dictionary of 'descr', 'fortran_order' and 'shape'".into(),
+            })
         })
     }
 
-    /// From `{'descr': '<f4', 'fortran_order': False, 'shape': (64, 64, 64), }`.
-    fn parse(text: &str, length: u64) -> Option<Self> {
+    /// From `{'descr': '<f4', 'fortran_order': False, 'shape': (64, 64, 64), }`; `None` where it is no such dictionary.
+    fn parse(text: &str, length: u64) -> Option<Result<Self, VolumeError>> {
         let mut rest = text.trim().strip_prefix('{')?.strip_suffix('}')?.trim();
         let (mut descr, mut fortran_order, mut shape) = (None, None, None);
         while !rest.is_empty() {
@@ -173,13 +175,19 @@ impl Header {
             let value = after.get(..end)?.trim();
             match unquoted(key.trim())? {
                 "descr" => descr = Some(unquoted(value).unwrap_or(value).to_owned()),
-                "fortran_order" => fortran_order = Some(truth(value)?),
-                "shape" => shape = Some(lengths(value)?),
+                "fortran_order" => match truth(value) {
+                    Some(truth) => fortran_order = Some(truth),
+                    None => return Some(Err(odd("fortran_order", value, "it should be True or False"))),
+                },
+                "shape" => match lengths(value) {
+                    Some(lengths) => shape = Some(lengths),
+                    None => return Some(Err(odd("shape", value, "it should be a tuple of whole numbers from 0 on"))),
+                },
                 _ => {}
             }
             rest = after.get(end..)?.trim_start_matches(',').trim();
         }
-        Some(Self { descr: descr?, fortran_order: fortran_order?, shape: shape?, length })
+        Some(Ok(Self { descr: descr?, fortran_order: fortran_order?, shape: shape?, length }))
     }
 
     /// The array that this heads, in a file of its own; of an archive's the extent counts from the start of its entry.
@@ -237,6 +245,22 @@ impl Header {
         };
         Ok((ty, endian, code == "b1"))
     }
+}
+
+/// An entry of the header that is not what it should be.
+fn odd(key: &str, value: &str, expected: &str) -> VolumeError {
+    VolumeError::Malformed {
+        found: format!("the header of the array says '{key}': {}", shortened(value)),
+        expected: format!("{expected}: the file is damaged or was not written by numpy"),
+    }
+}
+
+/// The beginning of a text that may be very long, escaped.
+fn shortened(text: &str) -> String {
+    const SHOWN: usize = 120;
+    let start: String = text.chars().take(SHOWN).collect();
+    let more = if start.len() < text.len() { "..." } else { "" };
+    format!("{}{more}", start.escape_debug())
 }
 
 /// Where a value ends: at the first comma that is in no brackets and no quotes, or with the text.

@@ -19,6 +19,12 @@ pub(super) fn extent(path: &Path, layout: &RawLayout, options: &ReadOptions) -> 
     let extent = laid_out(path, layout, options)?;
     let io = |source| VolumeError::Io { doing: "asking for the length of the file", source };
     let length = decode::open(path)?.metadata().map_err(io)?.len();
+    if layout.offset > 0 && layout.offset >= length {
+        return Err(VolumeError::Malformed {
+            found: format!("the file has {length} bytes, and --raw-offset {} is at or beyond its end", layout.offset),
+            expected: "the samples should begin within it: check --raw-offset".into(),
+        });
+    }
     let end = layout.offset.saturating_add(extent.bytes());
     if length > end {
         return Err(VolumeError::Malformed {
@@ -71,7 +77,8 @@ mod tests {
         assert!(left_over.starts_with("1 bytes are left over after the samples, but shape [3, 4, 5]"), "{left_over}");
         let short = read("bare.raw", &bytes[1..]).unwrap_err();
         assert!(matches!(short, VolumeError::Truncated { expected: 240, found: 239 }), "{short}");
-        assert!(matches!(read("bare.raw", b""), Err(VolumeError::Truncated { found: 0, .. })));
+        let beyond = read("bare.raw", b"").unwrap_err().to_string();
+        assert!(beyond.contains("--raw-offset 2 is at or beyond its end"), "{beyond}");
     }
 
     #[test]
@@ -84,6 +91,6 @@ mod tests {
         };
         assert!(matches!(refused([usize::MAX; 3], 0), VolumeError::TooLarge { .. }));
         assert!(matches!(refused([2, 9, 9], 0), VolumeError::TooSmall { .. }));
-        assert!(matches!(refused(SHAPE, u64::MAX), VolumeError::Truncated { found: 0, .. }));
+        assert!(matches!(refused(SHAPE, u64::MAX), VolumeError::Malformed { .. }));
     }
 }

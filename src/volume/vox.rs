@@ -34,7 +34,8 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<(Volume, Source
     let mut bytes = Vec::new();
     decode::open(path)?.take(LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(io)?;
     if bytes.len() as u64 > LARGEST_FILE {
-        return Err(malformed("the .vox file is larger than a model of 256^3 voxels can make it".into()));
+        let found = "the .vox file is larger than a model of 256^3 voxels can make it".into();
+        return Err(malformed(found, "one model is read from a file: export it by itself"));
     }
     let volume = from_bytes(&bytes, options)?;
     Ok((volume, Source { kind: FileKind::Vox, samples: SampleType::U8, mapping: None, spacing: None }))
@@ -46,7 +47,7 @@ fn from_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Volume, VolumeError
         .map_err(|reason| VolumeError::Decode { what: "the model".into(), source: reason.into() })?;
     match data.models.as_slice() {
         [model] => paint(model, &data),
-        models => Err(malformed(format!("the .vox file gives {} models beside its chunks", models.len()))),
+        models => Err(malformed(format!("the .vox file gives {} models beside its chunks", models.len()), DAMAGED)),
     }
 }
 
@@ -72,13 +73,14 @@ fn split_chunk(bytes: &[u8]) -> Option<(Chunk<'_>, &[u8])> {
 
 /// The chunks of the one model, after checking them, as a file of their own.
 fn only_one_model(bytes: &[u8], max_voxels: u64) -> Result<Vec<u8>, VolumeError> {
-    let cut = || malformed("a chunk of the .vox file is longer than what is left of it".into());
+    let cut = || malformed("a chunk of the .vox file is longer than what is left of it".into(), CUT);
     let (head, main) = bytes.split_at_checked(8).filter(|(head, _)| sniff(head)).ok_or_else(cut)?;
     let mut rest = match main.split_first_chunk::<12>() {
         Some((&[b'M', b'A', b'I', b'N', 0, 0, 0, 0, a, b, c, d], children)) => {
             children.get(..u32::from_le_bytes([a, b, c, d]) as usize).ok_or_else(cut)?
         }
-        _ => return Err(malformed("the .vox file does not begin with its MAIN chunk".into())),
+        None => return Err(malformed("the .vox file ends within its header".into(), CUT)),
+        Some(_) => return Err(malformed("the .vox file does not begin with its MAIN chunk".into(), DAMAGED)),
     };
     let (mut sizes, mut voxels, mut kept) = (0, 0, Vec::new());
     while !rest.is_empty() {
@@ -108,7 +110,8 @@ fn only_one_model(bytes: &[u8], max_voxels: u64) -> Result<Vec<u8>, VolumeError>
 fn check_size(content: &[u8], max_voxels: u64) -> Result<(), VolumeError> {
     let sides: Vec<u32> = content.as_chunks().0.iter().map(|&side| u32::from_le_bytes(side)).collect();
     if sides.len() != 3 || sides.iter().any(|&side| side > LONGEST_SIDE) {
-        return Err(malformed(format!("the size chunk of the .vox file says {sides:?}")));
+        let found = format!("the size chunk of the .vox file says {sides:?}");
+        return Err(malformed(found, "it should give three sides of at most 256 voxels: the file is damaged"));
     }
     let voxels = sides.iter().map(|&side| u128::from(side)).product();
     if voxels > u128::from(max_voxels) {
@@ -127,15 +130,18 @@ fn paint(model: &Model, data: &DotVoxData) -> Result<Volume, VolumeError> {
         let inside = z < depth && y < height && x < width;
         let target = voxels.get_mut(place..place + 3).filter(|_| inside);
         let (Some(target), Some(colour)) = (target, data.palette.get(usize::from(voxel.i))) else {
-            return Err(malformed(format!("voxel {x}, {y}, {z} of the model is outside it or has no colour")));
+            let found = format!("voxel {x}, {y}, {z} of the model is outside it or has no colour");
+            return Err(malformed(found, DAMAGED));
         };
         target.copy_from_slice(&[colour.r, colour.g, colour.b]);
     }
     Volume::new(shape, 3, voxels)
 }
 
-fn malformed(found: String) -> VolumeError {
-    let expected = "a .vox file holds models of at most 256 voxels a side: save it again with MagicaVoxel";
+const DAMAGED: &str = "no writer of .vox files does that: the file is damaged, save it again with MagicaVoxel";
+const CUT: &str = "it should be whole: the file is truncated or damaged, fetch or write it again";
+
+fn malformed(found: String, expected: &str) -> VolumeError {
     VolumeError::Malformed { found, expected: expected.into() }
 }
 
@@ -204,6 +210,7 @@ mod tests {
         assert!(sentence(&file(&[size(3, 3, 3), voxels(&[[0, 3, 0, 1]])])).contains("outside"));
         assert!(sentence(&small()[..100]).contains("longer than what is left"));
         assert!(sentence(b"VOX ").contains("longer than"));
+        assert!(sentence(b"VOX \x96\0\0\0MAIN").contains("ends within its header, but it should be whole"));
     }
 
     #[test]

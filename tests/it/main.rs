@@ -15,6 +15,7 @@ mod space;
 mod store;
 mod support;
 mod synth;
+mod trust;
 mod views;
 mod volume_formats;
 mod volume_pictures;

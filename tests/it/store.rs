@@ -2,7 +2,7 @@
 
 mod damage;
 mod faults;
-mod migrate;
+pub(crate) mod migrate;
 mod model;
 
 use std::ops::ControlFlow;

@@ -262,6 +262,10 @@ fn u64_of(endian: Endian, bytes: [u8; 8]) -> u64 {
 }
 
 fn header_io(source: io::Error) -> VolumeError {
+    if source.kind() == io::ErrorKind::UnexpectedEof {
+        let expected = "it should be whole: the file is empty or truncated, fetch or write it again";
+        return malformed("the file ends within its TIFF header", expected);
+    }
     VolumeError::Io { doing: "reading the TIFF header", source }
 }
 

@@ -192,7 +192,9 @@ fn a_damaged_head_is_told_on_opening() {
         edit(&scratch.path(), flip(META, nth, 77));
         let opened = Store::open(scratch.path()).and_then(|store| store.read().map(drop));
         match opened.unwrap_err() {
-            StoreError::Damage(damage) => assert_eq!((damage.table, damage.key.as_str()), ("meta", key)),
+            StoreError::Damage(damage) | StoreError::DamagedFile { damage, .. } => {
+                assert_eq!((damage.table, damage.key.as_str()), ("meta", key));
+            }
             other => panic!("{other}"),
         }
     }

@@ -42,8 +42,21 @@ fn stamp(version: u32) -> Vec<u8> {
 }
 
 fn version_0(path: &Path, items: impl Iterator<Item = (u64, Item)>) {
+    fill(&Builder::new().set_concurrency_mode(ConcurrencyMode::SingleWriter).create(path).unwrap(), items);
+}
+
+/// A store of version 0 on a backend, as what `bytes` makes of the backend.
+pub(crate) fn version_0_on<B: redb::StorageBackend + Clone>(backend: B, bytes: impl Fn(&B) -> Vec<u8>) -> Vec<u8> {
+    let mut builder = Builder::new();
+    builder.set_concurrency_mode(ConcurrencyMode::ExclusiveWriter);
+    let database = builder.create_with_backend(backend.clone()).unwrap();
+    fill(&database, items());
+    drop(database);
+    bytes(&backend)
+}
+
+fn fill(database: &redb::Database, items: impl Iterator<Item = (u64, Item)>) {
     let configuration = bincode::config::standard().with_little_endian().with_fixed_int_encoding();
-    let database = Builder::new().set_concurrency_mode(ConcurrencyMode::SingleWriter).create(path).unwrap();
     let transaction = database.begin_write().unwrap();
     {
         let mut meta = transaction.open_table(TableDefinition::<&[u8], &[u8]>::new("meta")).unwrap();

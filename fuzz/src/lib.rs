@@ -1,0 +1,188 @@
+//! What is fuzzed: each target is a plain function over bytes, which libFuzzer and the stable runner both drive.
+//!
+//! The property is the same everywhere: any bytes give a value or one error, without a panic, within the limits on memory.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use hlacdb::space::{Nuisance, Space, Statistics};
+use hlacdb::synth::Recipe;
+use hlacdb::volume::{self, Endian, Intensity, RawLayout, ReadOptions, SampleType};
+
+/// Every target by name.
+pub const TARGETS: &[(&str, fn(&[u8]))] = &[
+    ("npy", npy),
+    ("npz", npz),
+    ("nrrd", nrrd),
+    ("metaimage", metaimage),
+    ("nifti", nifti),
+    ("tiff", tiff),
+    ("vox", vox),
+    ("raw", raw),
+    ("slices", slices),
+    ("values", values),
+    ("statistics", statistics),
+    ("space", space),
+    ("recipe", recipe),
+    ("list", list),
+];
+
+/// The files that a target's inputs are first made of.
+pub fn seeds(target: &str) -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let with = |folder: &str, endings: &[&str]| {
+        let entries = fs::read_dir(root.join(folder)).into_iter().flatten().flatten().map(|entry| entry.path());
+        let fits = |path: &PathBuf| endings.iter().any(|ending| path.to_string_lossy().ends_with(ending));
+        let mut files: Vec<PathBuf> = entries.filter(|path| path.is_file() && fits(path)).collect();
+        files.sort();
+        files
+    };
+    let volumes = |endings: &[&str]| with("tests/fixtures/volumes", endings);
+    let mut seeds = match target {
+        "npy" => volumes(&[".npy"]),
+        "npz" => volumes(&[".npz"]),
+        "nrrd" => volumes(&[".nrrd", ".nhdr"]),
+        "metaimage" => volumes(&[".mha", ".mhd"]),
+        "nifti" => volumes(&[".nii", ".nii.gz"]),
+        "raw" => volumes(&[".raw"]),
+        "tiff" => with("tests/fixtures/pictures", &[".tif"]),
+        "slices" => [with("tests/fixtures/pictures/png", &[".png"]), with("tests/fixtures/pictures/jpeg_grey", &[".jpg"])].concat(),
+        "recipe" => with("datasets", &[".toml"]),
+        _ => Vec::new(),
+    };
+    seeds.extend(with(&format!("fuzz/seeds/{target}"), &[""]));
+    seeds
+}
+
+/// Voxels that a header may promise here: what lies must be found out before it takes memory.
+const LIMIT: u64 = 1 << 16;
+
+/// A folder of this process.
+fn folder() -> &'static Path {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    FOLDER.get_or_init(|| {
+        let memory = Path::new("/dev/shm");
+        let base = if memory.is_dir() { memory.to_path_buf() } else { std::env::temp_dir() };
+        let folder = base.join(format!("hlacdb-fuzz-{}", std::process::id()));
+        fs::create_dir_all(&folder).expect("a folder for inputs");
+        // What a detached header may name.
+        for name in ["data.raw", "data.raw.gz", "a.raw", "a.zraw"] {
+            fs::write(folder.join(name), [7; 4096]).expect("a data file");
+        }
+        folder
+    })
+}
+
+fn read(name: &str, data: &[u8]) {
+    let path = folder().join(name);
+    fs::write(&path, data).expect("the input as a file");
+    for intensity in [Intensity::Full, Intensity::Auto] {
+        survives(&path, &ReadOptions { intensity, max_voxels: LIMIT, raw: None });
+    }
+}
+
+fn survives(path: &Path, options: &ReadOptions) {
+    match volume::read(path, options) {
+        Ok((volume, _)) => assert!(volume.voxels().len() as u64 <= 3 * LIMIT),
+        Err(error) => {
+            let said = error.to_string();
+            assert!(!said.contains('\n'), "one sentence, one line: {said}");
+        }
+    }
+}
+
+/// numpy arrays.
+pub fn npy(data: &[u8]) {
+    read("a.npy", data);
+}
+
+/// Archives of numpy arrays.
+pub fn npz(data: &[u8]) {
+    read("a.npz", data);
+}
+
+/// NRRD, attached and detached.
+pub fn nrrd(data: &[u8]) {
+    read("a.nhdr", data);
+}
+
+/// MetaImage, attached and detached.
+pub fn metaimage(data: &[u8]) {
+    read("a.mhd", data);
+}
+
+/// NIfTI, plain and compressed.
+pub fn nifti(data: &[u8]) {
+    read("a.nii", data);
+}
+
+/// TIFF.
+pub fn tiff(data: &[u8]) {
+    read("a.tif", data);
+}
+
+/// MagicaVoxel models.
+pub fn vox(data: &[u8]) {
+    read("a.vox", data);
+}
+
+/// Bare samples: the layout is drawn from the first bytes.
+pub fn raw(data: &[u8]) {
+    let Some((&[z, y, x, offset, kind], rest)) = data.split_first_chunk::<5>() else { return };
+    let samples = [SampleType::U8, SampleType::I16, SampleType::F16, SampleType::F64, SampleType::U64][usize::from(kind) % 5];
+    let endian = if kind & 128 == 0 { Endian::Little } else { Endian::Big };
+    let shape = [z, y, x].map(usize::from);
+    let path = folder().join("bare.raw");
+    fs::write(&path, rest).expect("the input as a file");
+    let raw = Some(RawLayout { shape, samples, endian, offset: u64::from(offset) });
+    survives(&path, &ReadOptions { intensity: Intensity::Full, max_voxels: LIMIT, raw });
+}
+
+/// A folder of slices: three pictures, the input among them.
+pub fn slices(data: &[u8]) {
+    let path = folder().join("slices");
+    fs::create_dir_all(&path).expect("a folder for slices");
+    for name in ["s1", "s2", "s3"] {
+        let ending = if data.starts_with(b"\xff\xd8") { "jpg" } else { "png" };
+        let other = if ending == "jpg" { "png" } else { "jpg" };
+        let _ = fs::remove_file(path.join(format!("{name}.{other}")));
+        fs::write(path.join(format!("{name}.{ending}")), data).expect("the input as a file");
+    }
+    survives(&path, &ReadOptions { intensity: Intensity::Full, max_voxels: LIMIT, raw: None });
+}
+
+/// Values of a store: frames, records, rows, descriptors, points, sums, keys.
+pub fn values(data: &[u8]) {
+    hlacdb::store::fuzz::values(data);
+}
+
+/// Statistics at rest.
+pub fn statistics(data: &[u8]) {
+    if let Ok(statistics) = Statistics::decode(data) {
+        let _ = (statistics.covariance(), statistics.extremes());
+    }
+    let _ = Nuisance::decode(data);
+}
+
+/// Spaces at rest.
+pub fn space(data: &[u8]) {
+    if let Ok(space) = Space::decode(data) {
+        let _ = (space.axes(), space.definition().formula());
+    }
+}
+
+/// Recipes: parsed, and their textures counted, not made.
+pub fn recipe(data: &[u8]) {
+    if let Ok(text) = std::str::from_utf8(data) {
+        match Recipe::parse(text) {
+            Ok(recipe) => assert!(recipe.count() > 0),
+            Err(error) => assert!(!error.to_string().contains('\n'), "one sentence, one line: {error}"),
+        }
+    }
+}
+
+/// The list of an export of whole textures.
+pub fn list(data: &[u8]) {
+    hlacdb::fuzz_list(data);
+}

@@ -1,0 +1,187 @@
+//! Repair: a damaged store becomes one that is whole but for what nothing can tell any more.
+//!
+//! Nothing that the damaged file holds is changed (opening it for writing, which keeps others from doing so, rewrites the
+//! engine's own bookkeeping). What is whole of it goes into a new store; what other entries tell (hashes, tags,
+//! rows, counters from records; moments and sums from voxels; statistics from both; spaces and points from statistics
+//! and moments) is derived again; the new store is verified, takes the old one's name, and the old file is kept beside it.
+//!
+//! A texture whose record or moments nothing can tell is *quarantined*: it keeps its id and whatever is left of it, is
+//! named by `verify` and `stats`, and is never an answer.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::books::Books;
+use super::prepare::views;
+use super::quarantine::{self, Quarantined};
+use super::rebuild::{Rewrite, describe_anew, rebuild};
+use super::spaces::{definitions, fit, keep_points, next_epoch, recipes};
+use super::verify::{Bridge, DamageReport, cancelled};
+use super::{Database, OpenOptions};
+use crate::error::Error;
+use crate::progress::Progress;
+use crate::store::{Options, Reads, Salvaged, Store, StoreError};
+use crate::volume::display_path;
+
+/// How [`Database::repair`] goes about it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Repair {
+    /// Look for damage as [`Database::verify`] does with `deep`: voxels are decompressed and described anew.
+    pub deep: bool,
+    /// Only tell what is damaged.
+    pub check_only: bool,
+}
+
+/// What [`Database::repair`] found and did.
+#[derive(Clone, Debug, Serialize)]
+pub struct Repaired {
+    /// What was damaged; empty where there was nothing to repair.
+    pub damage: Vec<DamageReport>,
+    /// How many entries of each kind were derived again.
+    pub derived: BTreeMap<&'static str, u64>,
+    /// Textures of which something is lost.
+    pub quarantined: Vec<Quarantined>,
+    /// Where the damaged file is kept; `None` where nothing was done.
+    pub original: Option<String>,
+}
+
+impl Database {
+    /// Repairs the store at `path`. Where `verify` finds nothing wrong, nothing is done. Else a new store is made of all that is
+    /// whole and all that can be derived from it, verified, and put in the place of the damaged one, which is kept beside
+    /// it as `NAME.damaged`. Takes as much room on the disk as the store has.
+    ///
+    /// # Errors
+    /// [`Error::Store`] where another process writes, where there is no room, or where not even the beginnings of the
+    /// file can be read; [`Error::Cancelled`]. The store is then as it was.
+    pub fn repair(path: &Path, options: &Repair, progress: &dyn Progress) -> Result<Repaired, Error> {
+        let damage = match examine(path, options.deep, progress) {
+            Ok(damage) if damage.is_empty() || options.check_only => {
+                return Ok(Repaired { damage, derived: BTreeMap::new(), quarantined: Vec::new(), original: None });
+            }
+            Ok(damage) => damage,
+            Err(error) if error.is_damage() => vec![DamageReport::of_file(&error)],
+            Err(error) => return Err(error),
+        };
+        let passing = beside(path, ".repairing");
+        let outcome = restore(path, &passing, progress).and_then(|(derived, quarantined)| {
+            let original = take_place(path, &passing)?;
+            Ok(Repaired { damage, derived, quarantined, original: Some(display_path(&original)) })
+        });
+        if outcome.is_err() {
+            // The failure is what matters; what is left of the attempt is in nobody's way.
+            let _ = std::fs::remove_file(&passing);
+        }
+        outcome
+    }
+}
+
+/// What `verify` finds.
+fn examine(path: &Path, deep: bool, progress: &dyn Progress) -> Result<Vec<DamageReport>, Error> {
+    // For writing: a store that a crash left is recovered first, and nobody else changes it meanwhile.
+    let database = OpenOptions::new().create(false).open(path)?;
+    Ok(database.verify(deep, progress)?.damage)
+}
+
+type Restored = (BTreeMap<&'static str, u64>, Vec<Quarantined>);
+
+/// Makes a store of what is whole of the one at `path` at `passing`.
+fn restore(path: &Path, passing: &Path, progress: &dyn Progress) -> Result<Restored, Error> {
+    if let Err(source) = std::fs::remove_file(passing)
+        && source.kind() != std::io::ErrorKind::NotFound
+    {
+        return Err(Error::io(format!("removing {}", display_path(passing)), source));
+    }
+    let old = Options::default().open_damaged(path)?;
+    let settings = old.salvaged_settings()?;
+    let salvaged = {
+        let target = Store::create(passing, &settings)?;
+        let mut bridge = Bridge::new(progress);
+        old.salvage(&target, &mut |step| bridge.tell(step)).map_err(cancelled)?
+    };
+    let database = OpenOptions::new().create(false).open(passing)?;
+    let mut derived = salvaged.derived.clone();
+    let lost = derive(&database, &salvaged, &mut derived, progress)?;
+    let left = database.verify(false, progress)?.damage;
+    let quarantined = quarantine::listed(&database.store().read()?)?;
+    let explained = |damage: &DamageReport| {
+        damage.texture().is_some_and(|id| quarantined.iter().any(|held| held.id == id) || lost.contains(&id))
+    };
+    match left.into_iter().find(|damage| !explained(damage)) {
+        Some(damage) => Err(damage.into_error()),
+        None => Ok((derived, quarantined)),
+    }
+}
+
+/// What can be derived again, in one transaction. Returns the textures of which something is lost.
+fn derive(
+    database: &Database,
+    salvaged: &Salvaged,
+    derived: &mut BTreeMap<&'static str, u64>,
+    progress: &dyn Progress,
+) -> Result<BTreeSet<u64>, Error> {
+    let mut transaction = database.store().write()?;
+    let unreadable: BTreeSet<u64> = salvaged.unreadable.iter().copied().collect();
+    let undescribed: BTreeSet<u64> = salvaged.undescribed.iter().copied().collect();
+    let lost = describe_anew(&mut transaction, &undescribed, progress)?;
+    count(derived, "textures described", (undescribed.len() - lost.len()) as u64);
+
+    let views = views(&transaction);
+    let kept = |key: &str| matches!(transaction.statistics(key), Ok(Some(_)));
+    let mut books = Books::default();
+    let gone = recipes(&views).iter().any(|recipe| !kept(&recipe.key()));
+    let whole = !gone && lost.is_empty() && unreadable.is_empty() && books.open(&transaction).is_ok();
+    if !whole && transaction.counts().textures > 0 {
+        rebuild(&mut transaction, &mut books, &Rewrite::These(&BTreeSet::new()), progress)?;
+        books.save(&mut transaction)?;
+        count(derived, "statistics", books.all().len() as u64);
+    }
+    let torn = |name: &str| {
+        salvaged.blobs_lost.iter().any(|(table, lost)| *table == "spaces" && (lost == name || lost == "?"))
+    };
+    let fitted = definitions(&views);
+    if fitted.iter().any(|definition| torn(&definition.name)) && !books.all().is_empty() {
+        let epoch = next_epoch(&transaction)?;
+        fit(&mut transaction, books.all(), epoch)?;
+        count(derived, "spaces", fitted.len() as u64);
+    }
+    if transaction.counts().rows > 0 {
+        keep_points(&mut transaction)?;
+        count(derived, "points", transaction.counts().rows);
+    }
+    let voxels = salvaged.voxels_lost.iter().copied().collect();
+    quarantine::note(&mut transaction, &lost, &voxels)?;
+    transaction.commit()?;
+    Ok(lost)
+}
+
+fn count(derived: &mut BTreeMap<&'static str, u64>, what: &'static str, more: u64) {
+    if more > 0 {
+        *derived.entry(what).or_default() += more;
+    }
+}
+
+/// Puts the repaired store in the place of the damaged one; the path the latter has from now on.
+fn take_place(path: &Path, passing: &Path) -> Result<PathBuf, Error> {
+    let kept = (1..1000).map(|number| match number {
+        1 => beside(path, ".damaged"),
+        number => beside(path, &format!(".damaged-{number}")),
+    });
+    let kept = kept.into_iter().find(|kept| kept.symlink_metadata().is_err());
+    let kept = kept.ok_or_else(|| StoreError::Exists { path: beside(path, ".damaged-999") })?;
+    let failed = |source| Error::io(format!("giving {} the name of the store", display_path(passing)), source);
+    // A second name first, then one step from old to new: at no moment is there no store.
+    if std::fs::hard_link(path, &kept).is_err() {
+        std::fs::rename(path, &kept).map_err(failed)?;
+    }
+    std::fs::rename(passing, path).map_err(failed)?;
+    Ok(kept)
+}
+
+/// The path with something after its name.
+fn beside(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(suffix);
+    path.with_file_name(name)
+}

@@ -1,0 +1,33 @@
+//! What the fuzzer drives: every decoder of bytes that come from a file. Built only with the feature `fuzz`.
+
+use super::descriptors::DescriptorBlock;
+use super::frame::{self, Kind};
+use super::header::{Header, Settings, State};
+use super::points::{self, PointsLayout};
+use super::record::StoredRecord;
+use super::rows::RowBlock;
+use super::{codec, keys, sums, voxels};
+
+/// Hands the bytes to every decoder, as a whole value and as a payload. None of them may panic.
+pub fn values(bytes: &[u8]) {
+    for kind in [Kind::Settings, Kind::Record, Kind::Voxels, Kind::Rows, Kind::Sums, Kind::Points] {
+        let _ = frame::open(kind, &[0; 8], bytes);
+    }
+    let _ = Header::decode(bytes);
+    let _ = codec::decode::<Settings>(bytes);
+    let _ = codec::decode::<State>(bytes);
+    let _ = RowBlock::decode(bytes);
+    let _ = DescriptorBlock::decode(bytes);
+    let _ = points::decode_block(bytes, 8, 3);
+    if let Ok(layout) = PointsLayout::decode(bytes) {
+        let _ = (layout.blocks(0), layout.blocks(255));
+    }
+    let _ = sums::decode(1, &frame::seal(Kind::Sums, &1_u64.to_le_bytes(), bytes));
+    let _ = (keys::parse_tag(bytes), keys::parse_piece(bytes), keys::parse_points(bytes));
+    if let Ok(record) = codec::decode::<StoredRecord>(bytes) {
+        let small = |content: &super::Content| content.shape.iter().all(|&side| side < 64);
+        if let (Some(content), Some(kept)) = (record.content.filter(small), record.voxels) {
+            let _ = voxels::expand(&content, kept.filter, bytes);
+        }
+    }
+}

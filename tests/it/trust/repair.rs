@@ -1,0 +1,189 @@
+//! Repair: what can be derived is as it was before, to the bit; what cannot is named and kept.
+
+use std::path::Path;
+
+use hlacdb::{Database, Error, Query, Reindex, Repair};
+use redb::{TableDefinition, WriteTransaction};
+
+use super::{drop_first, edit, filled, flip, told};
+
+const TEXTURES: TableDefinition<u64, &[u8]> = TableDefinition::new("textures");
+const SUMS: TableDefinition<u64, &[u8]> = TableDefinition::new("sums");
+const HASHES: TableDefinition<&[u8; 32], &[u8; 12]> = TableDefinition::new("hashes");
+const TAGS: TableDefinition<&[u8], &[u8; 4]> = TableDefinition::new("tags");
+const CHUNKS: TableDefinition<(u64, u32), &[u8]> = TableDefinition::new("chunks");
+const ROWS: TableDefinition<u32, &[u8]> = TableDefinition::new("rows");
+const DESCRIPTORS: TableDefinition<(u8, u32), &[u8]> = TableDefinition::new("descriptors");
+const META: TableDefinition<&[u8], &[u8]> = TableDefinition::new("meta");
+const STATISTICS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("statistics");
+const SPACES: TableDefinition<&[u8], &[u8]> = TableDefinition::new("spaces");
+const POINTS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("points");
+
+/// What is done to a store behind its back.
+type Change = Box<dyn FnOnce(&WriteTransaction)>;
+
+fn repair(path: &Path) -> hlacdb::Repaired {
+    Database::repair(path, &Repair::default(), &()).unwrap()
+}
+
+/// Every change is found, repaired, and leaves what was there before; the damaged file is kept.
+#[test]
+fn what_can_be_derived_comes_back_to_the_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = filled(folder.path(), 9, 9);
+    // Rows with a tombstone among them are the harder case.
+    Database::open(&path).unwrap().remove(&[4]).unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    let before = told(&path);
+    let changes: Vec<(&str, Change)> = vec![
+        ("sums", Box::new(flip(SUMS, 2, 3000))),
+        ("sums", Box::new(drop_first(SUMS))),
+        ("hashes", Box::new(drop_first(HASHES))),
+        ("tags", Box::new(drop_first(TAGS))),
+        ("rows", Box::new(flip(ROWS, 0, 90))),
+        ("rows", Box::new(drop_first(ROWS))),
+        ("descriptors", Box::new(flip(DESCRIPTORS, 0, 70_000))),
+        ("descriptors", Box::new(flip(DESCRIPTORS, 2, 5000))),
+        ("statistics", Box::new(flip(STATISTICS, 1, 5000))),
+        ("statistics", Box::new(drop_first(STATISTICS))),
+        ("points", Box::new(flip(POINTS, 0, 30))),
+        ("points", Box::new(drop_first(POINTS))),
+        ("meta", Box::new(flip(META, 2, 77))),
+    ];
+    for (what, change) in changes {
+        std::fs::write(&path, &whole).unwrap();
+        edit(&path, change);
+        let report = repair(&path);
+        assert!(
+            report.damage.iter().any(|damage| damage.table == what || damage.table == "(file)"),
+            "{what}: {report:?}"
+        );
+        assert_eq!(report.quarantined, [], "{what}");
+        assert!(Database::open(&path).unwrap().verify(true, &()).unwrap().ok(), "{what}");
+        assert_eq!(told(&path), before, "{what}");
+        let kept = path.with_file_name("textures.hlacdb.damaged");
+        let again = Database::repair(&kept, &Repair { check_only: true, deep: false }, &());
+        assert!(again.map_or(true, |kept| !kept.damage.is_empty()), "{what}: the damaged file is kept, damaged");
+        std::fs::remove_file(kept).unwrap();
+        assert_eq!(Database::open(&path).unwrap().add(&super::volume(77, 9), Default::default()).unwrap().id(), 10);
+        assert_eq!(repair(&path).original, None, "nothing is left to repair");
+    }
+}
+
+#[test]
+fn a_lost_space_is_fitted_anew_on_all_there_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = filled(folder.path(), 9, 9);
+    Database::open(&path).unwrap().reindex(&Reindex::default(), &()).unwrap();
+    let before = told(&path);
+    let names = Database::open(&path).unwrap().space_names().unwrap().len();
+    for nth in 0..names {
+        edit(&path, flip(SPACES, nth, 999));
+        let report = repair(&path);
+        assert_eq!(report.derived["spaces"], names as u64);
+        assert_eq!(told(&path), before);
+        std::fs::remove_file(path.with_file_name("textures.hlacdb.damaged")).unwrap();
+    }
+}
+
+#[test]
+fn reindexing_goes_past_damaged_statistics_spaces_and_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = filled(folder.path(), 9, 9);
+    Database::open(&path).unwrap().reindex(&Reindex::default(), &()).unwrap();
+    let before = told(&path);
+    for nth in 0..3 {
+        edit(&path, flip(STATISTICS, nth, 4000));
+        edit(&path, flip(SPACES, nth, 4000));
+        edit(&path, flip(POINTS, nth, 40));
+    }
+    let database = Database::open(&path).unwrap();
+    database.tag(1, &[("t".into(), "u".into())], &["t".into()]).unwrap();
+    database.statistics().unwrap();
+    let error = database.add(&super::volume(77, 9), Default::default()).unwrap_err();
+    assert!(error.is_damage() && error.to_string().contains("hlacdb repair"), "{error}");
+    database.tag(1, &[], &["t".into()]).unwrap();
+    database.reindex(&Reindex::default(), &()).unwrap();
+    assert!(database.verify(true, &()).unwrap().ok());
+    drop(database);
+    assert_eq!(told(&path), before);
+}
+
+/// A texture whose record or voxels are lost keeps its id and what is left of it, is named, and hinders nothing.
+#[test]
+fn what_is_lost_is_quarantined_and_the_rest_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = filled(folder.path(), 9, 9);
+    edit(&path, flip(TEXTURES, 2, 500));
+    edit(&path, flip(CHUNKS, 6, 500));
+    for repaired in [false, true] {
+        if repaired {
+            let report = repair(&path);
+            let lost: Vec<(u64, bool)> = report.quarantined.iter().map(|lost| (lost.id, lost.left_out)).collect();
+            assert_eq!(lost, [(3, true), (7, false)]);
+        }
+        let database = Database::open(&path).unwrap();
+        let report = database.statistics().unwrap();
+        let named: Vec<u64> = report.quarantined.iter().map(|lost| lost.id).collect();
+        assert_eq!(named, if repaired { vec![3, 7] } else { vec![3] });
+        assert_eq!(database.textures(&[]).unwrap().len(), 8);
+        for _ in 0..2 {
+            // From the file, then from memory; k hits, though one of the nearest is left out.
+            let answer = database.query(&Query::texture(1).k(8)).unwrap();
+            let ids: Vec<u64> = answer.hits.iter().map(|hit| hit.id).collect();
+            assert!(ids.len() == 8 && !ids.contains(&3), "{ids:?}");
+            assert!(answer.warnings.iter().any(|warning| warning.contains("id 3")), "{:?}", answer.warnings);
+        }
+        let error = database.texture(3).unwrap_err();
+        assert!(error.to_string().contains("id 3"), "{error}");
+        assert!(database.volume(7).unwrap_err().to_string().contains("id 7"));
+        assert!(database.volume(8).unwrap().is_some());
+        let damage = database.verify(true, &()).unwrap().damage;
+        assert!(
+            !damage.is_empty() && damage.iter().all(|one| one.key.starts_with("id 3") || one.key.starts_with("id 7"))
+        );
+        database.tag(1, &[("n".into(), repaired.to_string())], &[]).unwrap();
+    }
+}
+
+/// Points and moments that cannot be read: answers are as before where one tells the other, and say what is left out.
+#[test]
+fn damaged_points_and_moments_leave_answers_that_say_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = filled(folder.path(), 9, 9);
+    let ask = |space: &str| {
+        let database = Database::open(&path).unwrap();
+        let first = database.query(&Query::texture(1).k(20).space(space)).unwrap();
+        let second = database.query(&Query::texture(1).k(20).space(space)).unwrap();
+        assert_eq!(first.hits, second.hits);
+        (first.hits.iter().map(|hit| (hit.id, hit.distance)).collect::<Vec<_>>(), second.warnings)
+    };
+    let (before, warnings) = ask("default");
+    assert_eq!(warnings, [""; 0]);
+    edit(&path, flip(POINTS, 1, 300));
+    let (after, warnings) = ask("default");
+    assert_eq!(after, before);
+    assert!(warnings.iter().any(|warning| warning.contains("points are made anew")), "{warnings:?}");
+    for nth in 0..6 {
+        edit(&path, flip(DESCRIPTORS, nth, 5000));
+    }
+    let database = Database::open(&path).unwrap();
+    let answer = database.query(&Query::volume(&super::volume(1, 9)).k(20)).unwrap();
+    assert!(answer.hits.is_empty(), "one block holds all of them");
+    assert!(answer.warnings.iter().any(|warning| warning.contains("9 textures are left out")), "{:?}", answer.warnings);
+}
+
+#[test]
+fn a_file_that_is_no_store_is_not_repaired_and_not_touched() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("notes.txt");
+    std::fs::write(&path, "not a store").unwrap();
+    let error = Database::repair(&path, &Repair::default(), &()).unwrap_err();
+    assert!(matches!(error, Error::Store(hlacdb::store::StoreError::NotAStore { .. })), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    let path = filled(folder.path(), 2, 9);
+    let held = Database::open(&path).unwrap();
+    let error = Database::repair(&path, &Repair::default(), &()).unwrap_err();
+    assert!(error.to_string().contains("held by another writer"), "{error}");
+    let _ = held.query(&Query::texture(1)).unwrap();
+}
