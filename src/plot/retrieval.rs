@@ -71,7 +71,9 @@ fn draw_heading(
 ) -> Result<(), PlotError> {
     text(area, &shortened(title, 80), (16.0, 22.0), &font(17.0, INK, Stand::Left))?;
     let all = spaces.first().map(|space| space.all.queries).unwrap_or_default();
-    let classes = spaces.first().map(|space| space.per_class.len()).unwrap_or_default();
+    // A class of one texture has nothing to find, and asks for nothing.
+    let asking = |space: &SpaceMeasures| space.per_class.values().filter(|class| class.queries > 0).count();
+    let classes = spaces.first().map(asking).unwrap_or_default();
     let mut line = format!("{all} textures of {classes} classes, each asks for the others of its own");
     if evaluation.spaces.len() > spaces.len() {
         line.push_str(&format!("; the first {} of {} spaces", spaces.len(), evaluation.spaces.len()));

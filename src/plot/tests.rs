@@ -91,14 +91,19 @@ fn texts(svg: &str) -> Vec<String> {
 #[test]
 fn an_evaluation_is_drawn_with_its_numbers() {
     let classes = ["marble", "<oak> & \"ash\"", "bell\u{7}", "日本の木目"];
-    let plot = evaluation(&evaluated(&["paper", "default"], &classes)).unwrap();
-    let texts = texts(&plot);
+    let mut evaluated = evaluated(&["paper", "default"], &classes);
+    for space in &mut evaluated.spaces {
+        space.per_class.insert("lonely".into(), Measures::default());
+    }
+    let texts = texts(&evaluation(&evaluated).unwrap());
     let said = |words: &str| assert!(texts.iter().any(|text| text == words), "{words}: {texts:?}");
     said("paper  mAP 1.000");
     said("default  mAP 0.500");
     said("<oak> & \"ash\"");
     said("bell\u{fffd}");
     said("日本の木目");
+    said("80 textures of 4 classes, each asks for the others of its own");
+    assert!(!texts.iter().any(|text| text == "lonely"), "a class of one texture has nothing to find");
     // The second class, in the first and in the second space.
     said(&format!("{:.2}", 1.0 / 1.1));
     said(&format!("{:.2}", 0.5 / 1.1));
