@@ -1,0 +1,93 @@
+// Where a volume is looked at from. Several views may share one camera: then they turn together.
+
+const NEAREST = 0.5, FARTHEST = 4;
+const HOME = { yaw: -0.6, pitch: 0.45, zoom: 1 };
+
+/** Angles in radians; `zoom` above 1 is nearer. Dispatches `turn` when it changes. */
+export class Camera extends EventTarget {
+  constructor(text = null) {
+    super();
+    Object.assign(this, HOME);
+    this.read(text);
+  }
+
+  set(changes) {
+    Object.assign(this, changes);
+    this.pitch = Math.max(-1.55, Math.min(1.55, this.pitch));
+    this.zoom = Math.max(NEAREST, Math.min(FARTHEST, this.zoom));
+    this.yaw = Math.atan2(Math.sin(this.yaw), Math.cos(this.yaw));
+    this.dispatchEvent(new Event("turn"));
+  }
+
+  turn(right, down) { this.set({ yaw: this.yaw + right, pitch: this.pitch + down }); }
+  nearer(times) { this.set({ zoom: this.zoom * times }); }
+  home() { this.set(HOME); }
+  get isHome() { return Object.keys(HOME).every((key) => Math.abs(this[key] - HOME[key]) < 1e-3); }
+
+  /** As in an address: degrees and zoom. */
+  write() {
+    const degrees = (angle) => Math.round((angle * 180) / Math.PI);
+    return this.isHome ? null : `${degrees(this.yaw)},${degrees(this.pitch)},${Number(this.zoom.toFixed(2))}`;
+  }
+
+  read(text) {
+    const [yaw, pitch, zoom] = (text ?? "").split(",").map(Number);
+    if ([yaw, pitch, zoom].every(Number.isFinite) && zoom > 0) this.set({ yaw: (yaw * Math.PI) / 180, pitch: (pitch * Math.PI) / 180, zoom });
+  }
+
+  /** The eye and the three directions of its picture, for an object around the origin. */
+  frame() {
+    const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
+    const back = [sy * cp, sp, cy * cp];
+    const right = [cy, 0, -sy];
+    const up = [-sy * sp, cp, -cy * sp];
+    const far = 4.2 / this.zoom;
+    return { eye: back.map((x) => x * far), right, up, ahead: back.map((x) => -x) };
+  }
+}
+
+/** Lets pointers and keys on `canvas` turn `camera`. `busy(bool)` tells when a drag begins and ends. */
+export function steer(canvas, camera, signal) {
+  const on = (name, heard, options = {}) => canvas.addEventListener(name, heard, { signal, ...options });
+  const pointers = new Map();
+  on("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    canvas.classList.add("held");
+  });
+  on("pointermove", (event) => {
+    const before = pointers.get(event.pointerId);
+    if (!before) return;
+    const now = [event.clientX, event.clientY];
+    if (pointers.size === 1) {
+      const per = Math.PI / Math.max(1, canvas.clientWidth);
+      camera.turn(-(now[0] - before[0]) * per, (now[1] - before[1]) * per);
+    } else {
+      const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
+      const span = (a) => Math.hypot(a[0] - other[0], a[1] - other[1]);
+      if (span(before) > 0) camera.nearer(span(now) / span(before));
+    }
+    pointers.set(event.pointerId, now);
+  });
+  const release = (event) => { pointers.delete(event.pointerId); if (pointers.size === 0) canvas.classList.remove("held"); };
+  on("pointerup", release);
+  on("pointercancel", release);
+  // The wheel scrolls the page unless the picture has the focus (a click gives it) or Ctrl is held.
+  on("wheel", (event) => {
+    if (document.activeElement !== canvas && !event.ctrlKey) return;
+    event.preventDefault();
+    camera.nearer(Math.exp(-event.deltaY / 500));
+  }, { passive: false });
+  on("dblclick", () => camera.home());
+  on("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const by = event.shiftKey ? 0.5 : 0.12;
+    const moves = {
+      ArrowLeft: () => camera.turn(-by, 0), ArrowRight: () => camera.turn(by, 0), ArrowUp: () => camera.turn(0, -by), ArrowDown: () => camera.turn(0, by),
+      "+": () => camera.nearer(1.15), "=": () => camera.nearer(1.15), "-": () => camera.nearer(1 / 1.15), 0: () => camera.home(),
+    };
+    if (!moves[event.key]) return;
+    event.preventDefault();
+    moves[event.key]();
+  });
+}
