@@ -97,6 +97,23 @@ pub enum Error {
         /// What was found.
         what: String,
     },
+    /// A path leads out of the folder that it may name something in.
+    #[error(
+        "{path}: this leads out of the folder that is ingested from: name something in it, and copy what is elsewhere"
+    )]
+    Outside {
+        /// The path as it was named, or the link, below the folder.
+        path: String,
+    },
+    /// A path names nothing.
+    #[error("{path}: there is nothing of this name in the folder that is ingested from")]
+    NotThere {
+        /// The path as it was named.
+        path: String,
+        /// The system's own words.
+        #[source]
+        source: std::io::Error,
+    },
     /// The textures carry no such tag.
     #[error(
         "fewer than two textures carry a tag '{key}': tag them first (`hlacdb tag ID {key}=VALUE`), or name another --label"

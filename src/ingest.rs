@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
+pub use crate::confined::confined;
 use crate::database::{Added, BlockOf, Database, Meta, Prepared};
 use crate::error::{Error, chain};
 use crate::ordered;
@@ -33,6 +34,29 @@ pub struct Options {
     pub jobs: Option<usize>,
     /// Whether voxels are kept.
     pub volumes: Volumes,
+    /// Files are recorded and told of by their path below this folder, where they lie in it; as they are named unless set.
+    pub within: Option<PathBuf>,
+}
+
+impl Options {
+    /// A path as it is recorded and told of.
+    fn shown(&self, path: &Path) -> PathBuf {
+        let Some(below) = self.within.as_deref().and_then(|folder| path.strip_prefix(folder).ok()) else {
+            return path.to_path_buf();
+        };
+        // The folder itself goes by its name.
+        let itself = below.as_os_str().is_empty();
+        if itself { path.file_name().unwrap_or_default().into() } else { below.to_path_buf() }
+    }
+
+    /// What was wrong with a file, by its shown path.
+    fn read(&self, path: &Path) -> Result<(volume::Volume, Source), volume::ReadError> {
+        volume::read(path, &self.reading).map_err(|error| self.renamed(error))
+    }
+
+    fn renamed(&self, error: volume::ReadError) -> volume::ReadError {
+        volume::ReadError { path: self.shown(&error.path), error: error.error }
+    }
 }
 
 /// What became of one texture.
@@ -203,17 +227,18 @@ struct Item {
 
 fn one_per_file(database: &Database, file: Result<PathBuf, volume::ReadError>, options: &Options) -> Item {
     let (path, read) = match file {
-        Ok(path) => (path.clone(), volume::read(&path, &options.reading).map_err(Error::from)),
-        Err(error) => (error.path.clone(), Err(error.into())),
+        Ok(path) => (path.clone(), options.read(&path).map_err(Error::from)),
+        Err(error) => (error.path.clone(), Err(options.renamed(error).into())),
     };
     let prepared = read.and_then(|(volume, source)| {
         let meta = meta(&path, options).source(source);
         database.prepare(&volume, meta, options.volumes)
     });
-    Item { path: volume::display_path(&path), prepared, files: 1 }
+    Item { path: volume::display_path(&options.shown(&path)), prepared, files: 1 }
 }
 
 fn meta(path: &Path, options: &Options) -> Meta {
+    let path = &options.shown(path);
     let name =
         path.file_name().map_or_else(|| volume::display_path(path), |name| volume::display_path(Path::new(name)));
     Meta::named(name).path(path).tags(options.tags.clone())
@@ -227,27 +252,25 @@ fn cut(
     options: &Options,
     batch: &mut Batch<'_>,
 ) {
-    let fail = |path: &Path, error| Item { path: volume::display_path(path), prepared: Err(error), files: 1 };
+    let shown = |path: &Path| volume::display_path(&options.shown(path));
+    let fail = |path: &Path, error| Item { path: shown(path), prepared: Err(error), files: 1 };
     let path = match file {
         Ok(path) => path,
-        Err(error) => return batch.push(fail(&error.path.clone(), error.into())),
+        Err(error) => return batch.push(fail(&error.path.clone(), options.renamed(error).into())),
     };
-    let (volume, source) = match pool.install(|| volume::read(&path, &options.reading)) {
+    let (volume, source) = match pool.install(|| options.read(&path)) {
         Ok(read) => read,
         Err(error) => return batch.push(fail(&path, error.into())),
     };
     let origins: Vec<_> = volume.block_origins(side).collect();
     let count = origins.len();
     if count == 0 {
-        return batch.push(fail(
-            &path,
-            Error::BlockTooLarge { path: volume::display_path(&path), shape: volume.shape(), side },
-        ));
+        return batch.push(fail(&path, Error::BlockTooLarge { path: shown(&path), shape: volume.shape(), side }));
     }
     let database = batch.database;
     let describe = |(number, origin): (usize, volume::Shape)| {
         let block = volume.block(origin, [side; 3]).ok_or(Error::BlockTooLarge {
-            path: volume::display_path(&path),
+            path: shown(&path),
             shape: volume.shape(),
             side,
         });
@@ -257,7 +280,7 @@ fn cut(
             meta.name = format!("{}[{z},{y},{x}]", meta.name);
             database.prepare(&block, meta, options.volumes)
         });
-        Item { path: volume::display_path(&path), prepared, files: u64::from(number + 1 == count) }
+        Item { path: shown(&path), prepared, files: u64::from(number + 1 == count) }
     };
     let in_flight = IN_FLIGHT * pool.current_num_threads();
     ordered::map(pool, in_flight, BATCH_AGE, origins.into_iter().enumerate(), describe, |next| batch.take(next));

@@ -34,6 +34,7 @@
 #![deny(unsafe_code)]
 
 pub mod arrays;
+mod confined;
 mod database;
 mod error;
 pub mod eval;
@@ -48,6 +49,8 @@ pub mod plot;
 mod progress;
 mod query;
 pub mod recipes;
+#[cfg(feature = "serve")]
+pub mod serve;
 pub mod space;
 pub mod store;
 pub mod synth;
@@ -62,10 +65,10 @@ struct Readme;
 #[doc(hidden)]
 pub use database::fuzz_list;
 pub use database::{
-    Added, AxisReport, BackedUp, BlockOf, Compacted, ContentHash, DEFAULT_SPACE, DUPLICATE_DISTANCE, DamageReport,
-    Database, DriftReport, Exported, IdPoint, Imported, Meta, MomentStatistics, NearPair, OpenOptions, Prepared,
-    Quarantined, Reindex, Reindexed, Repair, Repaired, SettingsReport, SpaceReport, StatisticsReport, Texture,
-    TexturesExported, TexturesImported, Verified,
+    Added, AxisReport, BackedUp, BlockOf, Catalogue, Compacted, ContentHash, DEFAULT_SPACE, DUPLICATE_DISTANCE,
+    DamageReport, Database, DriftReport, Explained, Exported, IdPoint, Imported, Listed, Map, Meta, MomentStatistics,
+    NearPair, OpenOptions, Order, Prepared, Quarantined, Reindex, Reindexed, Repair, Repaired, Selection,
+    SettingsReport, SpaceReport, StatisticsReport, TagValues, Texture, TexturesExported, TexturesImported, Verified,
 };
 pub use error::{Error, chain};
 pub use progress::Progress;

@@ -89,6 +89,9 @@ enum Command {
     Compact(compact::Compact),
     /// Bring a store of an older format to this version's
     Migrate(migrate::Migrate),
+    /// The search interface: a page, and an HTTP API
+    #[cfg(feature = "serve")]
+    Serve(serve::Serve),
     /// Print the 251 masks: the file the paper offered for download
     Masks(masks::Masks),
     /// Print a shell's completion script
@@ -137,6 +140,8 @@ impl Cli {
             Command::Backup(command) => command.run(context),
             Command::Compact(command) => command.run(context),
             Command::Migrate(command) => command.run(context),
+            #[cfg(feature = "serve")]
+            Command::Serve(command) => command.run(context),
             Command::Masks(command) => command.run(context),
             Command::Completions(command) => command.run(context),
         }

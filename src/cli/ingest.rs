@@ -78,6 +78,7 @@ impl Ingest {
             tags,
             block: self.block.map(|side| side as usize),
             jobs: self.jobs.map(|jobs| jobs as usize),
+            within: None,
             volumes: match self.volumes {
                 Volumes::Keep => hlacdb::store::Volumes::Keep,
                 Volumes::None => hlacdb::store::Volumes::None,

@@ -27,6 +27,8 @@ mod query;
 mod reindex;
 mod remove;
 mod repair;
+#[cfg(feature = "serve")]
+mod serve;
 mod sheet;
 mod show;
 mod stats;

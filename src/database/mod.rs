@@ -12,10 +12,13 @@
 
 mod backup;
 mod books;
+mod catalogue;
 pub(crate) mod cold;
 mod counts;
 mod exchange;
+mod explain;
 mod kept;
+mod map;
 mod open;
 mod pairs;
 mod prepare;
@@ -31,9 +34,12 @@ mod verify;
 mod write;
 
 pub use backup::BackedUp;
+pub use catalogue::{Catalogue, Listed, Order, Selection, TagValues};
 #[cfg(feature = "fuzz")]
 pub use exchange::fuzz_list;
 pub use exchange::{TexturesExported, TexturesImported};
+pub use explain::Explained;
+pub use map::Map;
 pub use open::OpenOptions;
 pub use pairs::{DUPLICATE_DISTANCE, NearPair};
 pub use prepare::{BlockOf, Meta, Prepared};
@@ -52,7 +58,7 @@ pub(crate) use search::Ground;
 pub(crate) use textures::known_moments;
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, RwLock};
 
 use crate::error::Error;
 use crate::store::Store;
@@ -91,6 +97,10 @@ pub struct Database {
     building: Mutex<()>,
     /// The textures that the last filter let through.
     filtered: Mutex<Option<Filtered>>,
+    /// The newest list of textures that was asked for.
+    catalogue: RwLock<Option<Arc<Catalogue>>>,
+    /// Held while a list is read, so that threads that ask at once read it once.
+    listing: Mutex<()>,
 }
 
 impl Database {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, RwLock};
 
 use super::Database;
 use super::books::Books;
@@ -120,6 +120,8 @@ impl OpenOptions {
             spaces: Arc::default(),
             building: Mutex::new(()),
             filtered: Mutex::new(None),
+            catalogue: RwLock::default(),
+            listing: Mutex::new(()),
         }
     }
 

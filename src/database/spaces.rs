@@ -147,6 +147,16 @@ impl Database {
         Ok(definitions(&views).into_iter().map(|definition| definition.name).collect())
     }
 
+    /// Every space that the store can answer in, as it is fitted now. Cheap: no point is looked at.
+    ///
+    /// # Errors
+    /// [`Error::Store`], [`Error::Space`].
+    pub fn spaces(&self) -> Result<Vec<Space>, Error> {
+        let snapshot = self.store().read()?;
+        let definitions = definitions(&views(&snapshot));
+        definitions.iter().map(|definition| load(&snapshot, &definition.name)).collect()
+    }
+
     /// A space as it is fitted now.
     ///
     /// # Errors

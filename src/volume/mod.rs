@@ -8,6 +8,7 @@ mod decode;
 mod discover;
 mod error;
 mod extent;
+mod gather;
 #[cfg(test)]
 mod hostile;
 mod intensity;
@@ -23,6 +24,7 @@ mod raw;
 mod read;
 mod samples;
 pub mod sheet;
+mod shrink;
 mod slabs;
 mod slices;
 mod source;
@@ -35,6 +37,7 @@ mod vox;
 
 pub use discover::{Discovery, discover};
 pub use error::{ReadError, VolumeError, display_path};
+pub use gather::gather;
 pub use intensity::{Intensity, IntensityError, Mapping};
 pub use natural::natural_cmp;
 pub use read::read;

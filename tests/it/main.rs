@@ -10,6 +10,8 @@ mod program;
 mod real;
 mod reference_sums;
 mod search;
+#[cfg(feature = "serve")]
+mod serve;
 mod slabs;
 mod space;
 mod store;

@@ -8,6 +8,7 @@
 //! A sheet never exceeds [`MOST_PIXELS`]: where many panels would, slices become smaller, then fewer, and in the end
 //! the last panels are left out and a line says how many. The same panels give the same picture to the bit.
 
+mod bare;
 mod canvas;
 mod mosaic;
 mod text;
@@ -21,6 +22,7 @@ use std::str::FromStr;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageError, RgbImage};
 
+pub use self::bare::{Bare, Picture, bare, slice, thumbnail};
 use self::canvas::{Canvas, Colours};
 use self::mosaic::Mosaic;
 use self::text::Face;

@@ -1,0 +1,82 @@
+//! The routes, and the document that describes them, made from the same types.
+
+use std::sync::{Arc, OnceLock};
+
+use axum::Router;
+use axum::extract::State;
+use axum::http::HeaderMap;
+use axum::response::Response;
+use axum::routing::get;
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::problem::Problem;
+use super::reply::{self, Keep};
+use super::state::App;
+use super::{insight, metrics, pictures, query, textures, upload, voxels, work};
+
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "hlacdb",
+        description = "Solid textures, and the ones that look alike. Ids are numbers; shapes are (Z, Y, X). Errors are problem+json \
+                       (RFC 9457): `detail` is one sentence, `causes` what lies below it."
+    ),
+    tags(
+        (name = "textures", description = "Look at textures and tend them"),
+        (name = "pictures", description = "Slices and voxels"),
+        (name = "likeness", description = "Queries, distances, the map"),
+        (name = "store", description = "What the store holds as a whole"),
+        (name = "jobs", description = "Long work, with progress"),
+        (name = "server", description = "The server itself")
+    ),
+    components(schemas(Problem))
+)]
+struct Description;
+
+fn described() -> OpenApiRouter<Arc<App>> {
+    let api = OpenApiRouter::new()
+        .routes(routes!(insight::health))
+        .routes(routes!(insight::statistics))
+        .routes(routes!(insight::spaces))
+        .routes(routes!(insight::tags))
+        .routes(routes!(insight::map))
+        .routes(routes!(insight::explain))
+        .routes(routes!(textures::list, upload::add))
+        .routes(routes!(textures::get, textures::remove))
+        .routes(routes!(textures::descriptor))
+        .routes(routes!(textures::set_tags))
+        .routes(routes!(textures::unset_tag))
+        .routes(routes!(pictures::slices))
+        .routes(routes!(pictures::slice))
+        .routes(routes!(pictures::thumbnail))
+        .routes(routes!(voxels::voxels))
+        .routes(routes!(pictures::upload_slices))
+        .routes(routes!(pictures::upload_slice))
+        .routes(routes!(pictures::upload_thumbnail))
+        .routes(routes!(voxels::upload_voxels))
+        .routes(routes!(query::query))
+        .routes(routes!(work::reindex))
+        .routes(routes!(work::ingest))
+        .routes(routes!(work::list))
+        .routes(routes!(work::get, work::cancel))
+        .routes(routes!(work::events));
+    OpenApiRouter::with_openapi(Description::openapi()).nest("/api/v1", api).routes(routes!(metrics::metrics))
+}
+
+/// Every route of the API.
+pub(super) fn routes() -> Router<Arc<App>> {
+    let (router, _) = described().split_for_parts();
+    router.route("/api/v1/openapi.json", get(document))
+}
+
+/// The description of the API.
+async fn document(State(_): State<Arc<App>>, headers: HeaderMap) -> Result<Response, Problem> {
+    static DOCUMENT: OnceLock<Vec<u8>> = OnceLock::new();
+    let bytes = DOCUMENT.get_or_init(|| {
+        let (_, description) = described().split_for_parts();
+        description.to_json().unwrap_or_default().into_bytes()
+    });
+    reply::tagged(&headers, &reply::tag_of(&[bytes]), Keep::Check, reply::JSON, || Ok(bytes.as_slice().into()))
+}

@@ -1,0 +1,130 @@
+//! Errors as callers see them: problem details (RFC 9457) with the library's sentences.
+
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+
+use crate::Error;
+use crate::store::StoreError;
+
+/// What went wrong, as `application/problem+json`.
+#[derive(Clone, Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct Problem {
+    /// Always `about:blank`: the status says what kind of problem it is.
+    #[serde(rename = "type")]
+    kind: &'static str,
+    /// The name of the status.
+    title: &'static str,
+    /// The HTTP status.
+    status: u16,
+    /// One sentence: what was found, what was expected, what to do.
+    detail: String,
+    /// What lies below it, the nearest first.
+    causes: Vec<String>,
+}
+
+impl Problem {
+    pub(super) fn new(status: StatusCode, detail: impl Into<String>) -> Self {
+        Self {
+            kind: "about:blank",
+            title: status.canonical_reason().unwrap_or("Error"),
+            status: status.as_u16(),
+            detail: detail.into(),
+            causes: Vec::new(),
+        }
+    }
+
+    pub(super) fn of(status: StatusCode, error: &dyn std::error::Error) -> Self {
+        let mut problem = Self::new(status, error.to_string());
+        let mut cause = error.source();
+        while let Some(error) = cause {
+            problem.causes.push(error.to_string());
+            cause = error.source();
+        }
+        problem
+    }
+
+    pub(super) fn bad_request(detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::BAD_REQUEST, detail)
+    }
+
+    pub(super) fn not_found(detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::NOT_FOUND, detail)
+    }
+
+    /// A thread of ours died: the log has more.
+    pub(super) fn internal() -> Self {
+        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "the server stumbled over this request: its log says more")
+    }
+
+    pub(super) fn status(&self) -> StatusCode {
+        StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
+    }
+
+    /// What else was wrong.
+    pub(super) fn add_causes(&mut self, causes: impl IntoIterator<Item = String>) {
+        self.causes.extend(causes);
+    }
+
+    /// Sentence and causes in one line.
+    pub(super) fn sentence(&self) -> String {
+        let causes = self.causes.iter().map(String::as_str);
+        std::iter::once(self.detail.as_str()).chain(causes).collect::<Vec<_>>().join(": ")
+    }
+
+    /// With every text passed through `show`.
+    pub(super) fn map(mut self, show: impl Fn(&str) -> String) -> Self {
+        self.detail = show(&self.detail);
+        self.causes = self.causes.iter().map(|cause| show(cause)).collect();
+        self
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let body = serde_json::to_vec(&self).unwrap_or_default();
+        let mut response = (self.status(), body).into_response();
+        let kind = HeaderValue::from_static("application/problem+json");
+        response.headers_mut().insert(header::CONTENT_TYPE, kind);
+        response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        response
+    }
+}
+
+impl From<Error> for Problem {
+    fn from(error: Error) -> Self {
+        let status = status_of(&error);
+        if status.is_server_error() {
+            tracing::warn!(error = crate::chain(&error), "a request failed");
+        }
+        Self::of(status, &error)
+    }
+}
+
+/// Whose fault it is: the caller's words (422), something that is not there (404), the state of things, or the server.
+fn status_of(error: &Error) -> StatusCode {
+    match error {
+        Error::Read(_)
+        | Error::Volume(_)
+        | Error::BlockTooLarge { .. }
+        | Error::ArrayShape { .. }
+        | Error::ZeroK
+        | Error::BadDistance { .. }
+        | Error::NoSuchSpace { .. }
+        | Error::MissingViews { .. }
+        | Error::Index(_)
+        | Error::Recipe(_) => StatusCode::UNPROCESSABLE_ENTITY,
+        Error::NoLabel { .. } | Error::NotThere { .. } => StatusCode::NOT_FOUND,
+        Error::Outside { .. } => StatusCode::FORBIDDEN,
+        Error::Store(error) => match error {
+            StoreError::NoSuchTexture { .. } => StatusCode::NOT_FOUND,
+            StoreError::ReadOnly => StatusCode::FORBIDDEN,
+            StoreError::Invalid { .. } => StatusCode::UNPROCESSABLE_ENTITY,
+            StoreError::Duplicate { .. } => StatusCode::CONFLICT,
+            StoreError::Busy { .. } | StoreError::HeldByWriter { .. } => StatusCode::SERVICE_UNAVAILABLE,
+            _ => StatusCode::INTERNAL_SERVER_ERROR,
+        },
+        Error::Cancelled => StatusCode::CONFLICT,
+        _ => StatusCode::INTERNAL_SERVER_ERROR,
+    }
+}

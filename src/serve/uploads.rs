@@ -1,0 +1,75 @@
+//! Volumes that were asked with: in memory only, the last few of them.
+
+use std::collections::VecDeque;
+use std::hash::{BuildHasher, RandomState};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::hlac::{MASK_COUNT, View};
+use crate::volume::Volume;
+
+/// So many are kept, ...
+const MOST: usize = 16;
+/// ... in so many bytes.
+const BYTES: usize = 256 << 20;
+
+/// A volume that was asked with.
+pub(super) struct Upload {
+    /// By which it is named: nobody guesses it.
+    pub(super) token: String,
+    pub(super) name: String,
+    pub(super) volume: Arc<Volume>,
+    pub(super) content: [u8; 32],
+    /// Its moments in the views of the store.
+    pub(super) moments: Vec<(View, [f32; MASK_COUNT])>,
+}
+
+/// The volumes that were asked with last.
+#[derive(Default)]
+pub(super) struct Uploads(Mutex<VecDeque<Arc<Upload>>>);
+
+impl Uploads {
+    /// Keeps an upload; older ones make room for it.
+    pub(super) fn keep(&self, name: String, volume: Volume, moments: Vec<(View, [f32; MASK_COUNT])>) -> Arc<Upload> {
+        let content = volume.content_hash();
+        let token = format!("{:016x}{:016x}", RandomState::new().hash_one(content), RandomState::new().hash_one(&name));
+        let upload = Arc::new(Upload { token, name, volume: Arc::new(volume), content, moments });
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.push_front(Arc::clone(&upload));
+        kept.truncate(MOST);
+        let bytes =
+            |kept: &VecDeque<Arc<Upload>>| kept.iter().map(|upload| upload.volume.voxels().len()).sum::<usize>();
+        while kept.len() > 1 && bytes(&kept) > BYTES {
+            kept.pop_back();
+        }
+        upload
+    }
+
+    pub(super) fn get(&self, token: &str) -> Option<Arc<Upload>> {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let place = kept.iter().position(|upload| upload.token == token)?;
+        // What is asked with again stays longest.
+        let upload = kept.remove(place)?;
+        kept.push_front(Arc::clone(&upload));
+        Some(upload)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_few_are_kept() {
+        let uploads = Uploads::default();
+        let volume = |level| Volume::new([8; 3], 1, vec![level; 512]).unwrap();
+        let first = uploads.keep("first".into(), volume(0), Vec::new());
+        let second = uploads.keep("second".into(), volume(1), Vec::new());
+        assert_ne!(first.token, second.token);
+        for level in 2..MOST as u8 {
+            uploads.keep("more".into(), volume(level), Vec::new());
+        }
+        assert!(uploads.get(&first.token).is_some());
+        uploads.keep("one too many".into(), volume(99), Vec::new());
+        assert!(uploads.get(&first.token).is_some() && uploads.get(&second.token).is_none());
+    }
+}
