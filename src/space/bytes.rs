@@ -64,11 +64,6 @@ impl Writer {
         values.iter().for_each(|&value| self.f64(value));
     }
 
-    pub(super) fn f32s(&mut self, values: impl ExactSizeIterator<Item = f32>) {
-        self.length(values.len());
-        values.for_each(|value| self.0.extend(value.to_le_bytes()));
-    }
-
     pub(super) fn packed(&mut self, values: &[i128]) {
         // All bits that differ from the sign in any of the values, and one for the sign itself.
         let used = values.iter().fold(0, |used, &value| used | (value ^ (value >> 127)));
@@ -164,18 +159,6 @@ impl<'a> Reader<'a> {
     pub(super) fn f64s(&mut self, length: usize) -> Result<Vec<f64>, SpaceError> {
         self.length(length)?;
         (0..length).map(|_| self.f64()).collect()
-    }
-
-    pub(super) fn f32s(&mut self, length: usize) -> Result<Vec<f32>, SpaceError> {
-        self.length(length)?;
-        let number = |bytes: &[u8]| bytes.try_into().map_or(f32::NAN, f32::from_le_bytes);
-        let size = length.checked_mul(4).ok_or(self.damaged("a list in it is too long"))?;
-        let values: Vec<f32> = self.take(size)?.chunks_exact(4).map(number).collect();
-        if values.iter().all(|value| value.is_finite()) {
-            Ok(values)
-        } else {
-            Err(self.damaged("a number in it is not finite"))
-        }
     }
 
     pub(super) fn packed(&mut self, length: usize) -> Result<Vec<i128>, SpaceError> {

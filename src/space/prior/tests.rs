@@ -95,7 +95,7 @@ fn a_heavy_prior_and_many_textures_pull_against_each_other() {
 #[test]
 fn the_shipped_bytes_are_known() {
     let bytes = include_bytes!("../prior.bin");
-    assert!(bytes.len() < 500_000, "{} bytes", bytes.len());
+    assert!(bytes.len() < 400_000, "{} bytes", bytes.len());
     let prior = Prior::decode(bytes).unwrap();
     let definition = Definition::built_in("default").unwrap();
     let space = Space::fit(&definition, &Statistics::new(&definition.recipe), None, &prior).unwrap();
