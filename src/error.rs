@@ -59,6 +59,27 @@ pub enum Error {
         /// The spaces there are.
         known: Vec<String>,
     },
+    /// A space of this name is there already.
+    #[error(
+        "there is a space '{name}' already: choose another name, or remove it first (`hlacdb space remove`; not built-in ones)"
+    )]
+    SpaceExists {
+        /// The name.
+        name: String,
+    },
+    /// Only spaces of the user's own can be removed.
+    #[error("'{name}' is no space of your own; of your own there are: {}", if own.is_empty() { "none".to_owned() } else { own.join(", ") })]
+    NotOwnSpace {
+        /// What was asked for.
+        name: String,
+        /// The user's own spaces.
+        own: Vec<String>,
+    },
+    /// Nuisances can be learned from voxels only.
+    #[error(
+        "the store keeps no voxels, so that no nuisance can be tried on its textures: the shipped estimate stays in force"
+    )]
+    NoVoxels,
     /// An example does not have the views that the space needs.
     #[error("the space '{space}' needs moments of {}, which {what} does not have: choose another with --space", needs.join(", "))]
     MissingViews {

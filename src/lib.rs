@@ -66,9 +66,10 @@ struct Readme;
 pub use database::fuzz_list;
 pub use database::{
     Added, AxisReport, BackedUp, BlockOf, Catalogue, Compacted, ContentHash, DEFAULT_SPACE, DUPLICATE_DISTANCE,
-    DamageReport, Database, DriftReport, Explained, Exported, IdPoint, Imported, Listed, Map, Meta, MomentStatistics,
-    NearPair, OpenOptions, Order, Prepared, Quarantined, Reindex, Reindexed, Repair, Repaired, Selection,
-    SettingsReport, SpaceReport, StatisticsReport, TagValues, Texture, TexturesExported, TexturesImported, Verified,
+    DamageReport, Database, DriftReport, Explained, Exported, IdPoint, Imported, Learn, Listed, Map, Meta,
+    MomentStatistics, NearPair, OpenOptions, Order, Prepared, Quarantined, Reindex, Reindexed, Repair, Repaired,
+    Selection, SettingsReport, SpaceReport, StatisticsReport, TagValues, Texture, TexturesExported, TexturesImported,
+    Verified,
 };
 pub use error::{Error, chain};
 pub use progress::Progress;

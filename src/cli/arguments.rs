@@ -71,6 +71,10 @@ enum Command {
     Tag(tag::Tag),
     /// Remove textures (`compact` gives the space back)
     Remove(remove::Remove),
+    /// Why two textures are alike, or not
+    Explain(explain::Explain),
+    /// The spaces of the store, and spaces of your own
+    Space(space::Space),
     /// Fit the statistics and the space anew, rebuild the index
     Reindex(reindex::Reindex),
     /// Write moments.npy, points.npy and textures.csv
@@ -131,6 +135,8 @@ impl Cli {
             Command::Sheet(command) => command.run(context),
             Command::Tag(command) => command.run(context),
             Command::Remove(command) => command.run(context),
+            Command::Explain(command) => command.run(context),
+            Command::Space(command) => command.run(context),
             Command::Reindex(command) => command.run(context),
             Command::Export(command) => command.run(context),
             Command::Import(command) => command.run(context),

@@ -3,6 +3,8 @@
 use std::time::Instant;
 
 use clap::Args;
+use hlacdb::Learn;
+use hlacdb::synth::Nuisance;
 
 use super::bars::Bars;
 use super::table::{count, duration};
@@ -14,11 +16,27 @@ use super::{Context, Failure, Outcome};
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb reindex
-  hlacdb reindex --reextract        describe all voxels anew, e.g. after damage")]
+  hlacdb reindex --reextract        describe all voxels anew, e.g. after damage
+  hlacdb reindex --nuisance brightness,noise,rotation
+                                    learn from the store what should not matter
+  hlacdb reindex --nuisance prior   forget that again")]
 pub(crate) struct Reindex {
     /// Describe every texture whose voxels are kept anew, and rebuild the statistics from nothing
     #[arg(long)]
     reextract: bool,
+
+    /// What should not matter: brightness, contrast, gamma, noise, rotation (separated by commas), or all. Estimated on at most
+    /// 512 textures whose voxels are kept, and in force until `prior` forgets it
+    #[arg(long, value_name = "WORDS", value_parser = learn)]
+    nuisance: Option<Learn>,
+}
+
+/// The words after `--nuisance`.
+fn learn(words: &str) -> Result<Learn, String> {
+    match words {
+        "prior" => Ok(Learn::Forget),
+        words => words.parse::<Nuisance>().map(Learn::From).map_err(|error| format!("{error}, prior")),
+    }
 }
 
 impl Reindex {
@@ -26,7 +44,10 @@ impl Reindex {
         let database = context.open_to_write()?;
         let bars = Bars::until(context, context.interruptible()?);
         let began = Instant::now();
-        let report = database.reindex(&hlacdb::Reindex { reextract: self.reextract }, &bars)?;
+        let report = database.reindex(
+            &hlacdb::Reindex { reextract: self.reextract, nuisance: self.nuisance.unwrap_or_default() },
+            &bars,
+        )?;
         drop(bars);
         if context.json {
             context.print_json(&report)?;

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
+use super::DEFAULT_SPACE;
 use super::prepare::views;
-use super::{DEFAULT_SPACE, spaces};
 use crate::error::Error;
 use crate::space::{Contribution, Recipe, SpaceError, Statistics};
 use crate::store::{Reads, Transaction};
@@ -29,10 +29,9 @@ impl Books {
             return Ok(());
         }
         let views = views(transaction);
-        let definitions = spaces::definitions(&views);
-        self.default = definitions.into_iter().find(|d| d.name == DEFAULT_SPACE).map(|definition| definition.recipe);
-        self.statistics =
-            spaces::recipes(&views).iter().map(|recipe| load(transaction, recipe)).collect::<Result<_, _>>()?;
+        let default = views.definitions().iter().find(|definition| definition.name == DEFAULT_SPACE);
+        self.default = default.map(|definition| definition.recipe.clone());
+        self.statistics = views.recipes().iter().map(|recipe| load(transaction, recipe)).collect::<Result<_, _>>()?;
         self.changed = false;
         Ok(())
     }
@@ -128,6 +127,14 @@ impl Books {
     pub(super) fn replace(&mut self, statistics: Vec<Statistics>) {
         self.statistics = statistics;
         self.changed = true;
+    }
+
+    /// Lets go of the statistics of other recipes than these; returns whose they were.
+    pub(super) fn forget_others(&mut self, wanted: &[Recipe]) -> Vec<Recipe> {
+        let gone = self.statistics.iter().map(|kept| kept.recipe().clone()).filter(|recipe| !wanted.contains(recipe));
+        let gone: Vec<Recipe> = gone.collect();
+        self.statistics.retain(|kept| wanted.contains(kept.recipe()));
+        gone
     }
 
     /// The statistics whose lowest and highest values must be looked for anew.

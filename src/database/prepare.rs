@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::{Database, spaces};
+use super::Database;
+use super::scheme::Scheme;
 use crate::error::Error;
 use crate::hlac::{self, MASK_COUNT, OctantSums, View};
 use crate::space::Contribution;
@@ -149,7 +150,7 @@ impl Database {
 
 impl Prepared {
     /// With everything that a transaction needs.
-    pub(super) fn described(mut self, volume: &Volume, volumes: Volumes, views: &[View]) -> Result<Self, Error> {
+    pub(super) fn described(mut self, volume: &Volume, volumes: Volumes, views: &Scheme) -> Result<Self, Error> {
         let described = hlac::describe(volume, &with_full(views));
         let total = |view: &View| described.iter().find(|(other, _)| other == view).map(|(_, octants)| octants.total());
         self.texture.sums = total(&View::Full);
@@ -166,8 +167,8 @@ impl Prepared {
 }
 
 /// What a described texture adds to the statistics of a store that keeps `views`.
-pub(super) fn contributions(described: &[(View, OctantSums)], views: &[View]) -> Result<Vec<Contribution>, Error> {
-    let recipes = spaces::recipes(views);
+pub(super) fn contributions(described: &[(View, OctantSums)], views: &Scheme) -> Result<Vec<Contribution>, Error> {
+    let recipes = views.recipes();
     let contributions = recipes.iter().filter_map(|recipe| Contribution::of_sums(recipe, described).transpose());
     Ok(contributions.collect::<Result<_, _>>()?)
 }
@@ -181,7 +182,7 @@ pub(super) fn with_full(views: &[View]) -> Vec<View> {
     wanted
 }
 
-/// The views that a store keeps and this version knows.
-pub(super) fn views(state: &impl Reads) -> Vec<View> {
-    state.settings().views.iter().filter_map(|code| View::from_code(code.0)).collect()
+/// The views that a store keeps and this version knows, and what its spaces look at.
+pub(super) fn views(state: &impl Reads) -> Scheme {
+    Scheme::of(state)
 }

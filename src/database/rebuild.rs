@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::books::Books;
 use super::prepare::{contributions, views, with_full};
-use super::spaces::recipes;
+use super::scheme::Scheme;
 use super::textures::moments;
 use crate::error::Error;
 use crate::hlac::{self, MASK_COUNT, Sums, View};
@@ -40,7 +40,7 @@ struct Anew {
 }
 
 impl Anew {
-    fn of(volume: &Volume, views: &[View]) -> Result<Self, Error> {
+    fn of(volume: &Volume, views: &Scheme) -> Result<Self, Error> {
         let texture = hlac::describe(volume, &with_full(views));
         let total = |view: &View| texture.iter().find(|(v, _)| v == view).map(|(_, octants)| octants.total());
         let moments =
@@ -75,7 +75,7 @@ pub(super) fn rebuild(
 ) -> Result<u64, Error> {
     progress.begin("describing", Some(transaction.counts().textures));
     let views = views(transaction);
-    let mut statistics: Vec<Statistics> = recipes(&views).iter().map(Statistics::new).collect();
+    let mut statistics: Vec<Statistics> = views.recipes().iter().map(Statistics::new).collect();
     let mut written = 0;
     let ids: Vec<u64> = transaction.rows()?.live().map(|(_, id)| id).collect();
     let mut ids = ids.into_iter().peekable();
@@ -137,11 +137,11 @@ pub(super) fn whole_voxels(state: &impl Reads, id: u64) -> Result<Option<Volume>
 pub(super) fn contributions_of_moments(
     state: &impl Reads,
     id: u64,
-    views: &[View],
+    views: &Scheme,
 ) -> Result<Vec<Contribution>, Error> {
     let kept = moments(state, id)?;
     let of = |view: View| kept.iter().find(|(other, _)| *other == view).map(|(_, row)| row);
-    let parts = recipes(views).into_iter().map(|recipe| Contribution::of_moments(&recipe, of));
+    let parts = views.recipes().into_iter().map(|recipe| Contribution::of_moments(&recipe, of));
     Ok(parts.filter_map(Result::transpose).collect::<Result<_, _>>()?)
 }
 

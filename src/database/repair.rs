@@ -17,7 +17,7 @@ use super::books::Books;
 use super::prepare::views;
 use super::quarantine::{self, Quarantined};
 use super::rebuild::{Rewrite, describe_anew, rebuild};
-use super::spaces::{definitions, fit, keep_points, next_epoch, recipes};
+use super::spaces::{fit, keep_points, next_epoch};
 use super::verify::{Bridge, DamageReport, cancelled};
 use super::{Database, OpenOptions};
 use crate::error::Error;
@@ -130,7 +130,7 @@ fn derive(
     let views = views(&transaction);
     let kept = |key: &str| matches!(transaction.statistics(key), Ok(Some(_)));
     let mut books = Books::default();
-    let gone = recipes(&views).iter().any(|recipe| !kept(&recipe.key()));
+    let gone = views.recipes().iter().any(|recipe| !kept(&recipe.key()));
     let whole = !gone && lost.is_empty() && unreadable.is_empty() && books.open(&transaction).is_ok();
     if !whole && transaction.counts().textures > 0 {
         rebuild(&mut transaction, &mut books, &Rewrite::These(&BTreeSet::new()), progress)?;
@@ -140,7 +140,7 @@ fn derive(
     let torn = |name: &str| {
         salvaged.blobs_lost.iter().any(|(table, lost)| *table == "spaces" && (lost == name || lost == "?"))
     };
-    let fitted = definitions(&views);
+    let fitted = views.definitions();
     if fitted.iter().any(|definition| torn(&definition.name)) && !books.all().is_empty() {
         let epoch = next_epoch(&transaction)?;
         fit(&mut transaction, books.all(), epoch)?;

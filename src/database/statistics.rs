@@ -8,7 +8,7 @@ use super::prepare::views;
 use super::quarantine::{self, Quarantined};
 use super::{Database, books, spaces};
 use crate::error::Error;
-use crate::hlac::{MASK_COUNT, View};
+use crate::hlac::MASK_COUNT;
 use crate::space::{Recipe, Space};
 use crate::store::{Reads, StoreError, ViewCode, Volumes};
 
@@ -101,6 +101,8 @@ pub struct SettingsReport {
     pub volumes: &'static str,
     /// The spaces it answers in.
     pub spaces: Vec<String>,
+    /// The nuisances that were declared with `reindex --nuisance`; `None` where the shipped prior's count.
+    pub nuisance: Option<String>,
     /// The version of the file's format.
     pub format: u32,
     /// The kernel that makes exact sums on this machine.
@@ -133,7 +135,7 @@ impl Database {
         }
         let mut descriptors = 0;
         let mut quarantined = quarantine::listed(&snapshot)?;
-        for view in views(&snapshot) {
+        for &view in views(&snapshot).iter() {
             for block in 0..snapshot.descriptor_blocks() {
                 match snapshot.descriptors(ViewCode(view.code()), block) {
                     Ok(kept) => descriptors += kept.map_or(0, |block| block.present() as u64),
@@ -156,12 +158,13 @@ impl Database {
             },
             statistics: moment_statistics(&snapshot)?,
             settings: SettingsReport {
-                views: views(&snapshot).into_iter().map(View::name).collect(),
+                views: views(&snapshot).iter().map(|view| view.name()).collect(),
                 volumes: match snapshot.settings().volumes {
                     Volumes::Keep => "keep",
                     Volumes::None => "none",
                 },
                 spaces: self.space_names()?,
+                nuisance: super::nuisance::declared(&snapshot),
                 format: crate::store::FORMAT_VERSION,
                 kernel: crate::hlac::kernel::active().name(),
             },

@@ -159,7 +159,7 @@ fn whole(records: impl Iterator<Item = Result<Record, StoreError>>) -> Result<Ve
 /// The moments of a texture in every view that it has.
 pub(super) fn moments(state: &impl Reads, id: u64) -> Result<Vec<(View, [f32; MASK_COUNT])>, Error> {
     let mut moments = Vec::new();
-    for view in views(state) {
+    for &view in views(state).iter() {
         if let Some(row) = state.descriptor(id, ViewCode(view.code()))? {
             moments.push((view, row));
         }

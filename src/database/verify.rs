@@ -183,7 +183,7 @@ fn check_statistics(
     checked: &mut BTreeMap<&'static str, u64>,
     damage: &mut Vec<DamageReport>,
 ) -> Result<(), Error> {
-    for recipe in spaces::recipes(&views(snapshot)) {
+    for recipe in views(snapshot).recipes() {
         let key = recipe.key();
         let kept = match books::load(snapshot, &recipe) {
             Ok(kept) => kept,

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::books::Books;
 use super::prepare::{Meta, Prepared, Work, views};
-use super::spaces::{contributions_of, fit, keep_points, last_fit, recipes};
+use super::spaces::{contributions_of, fit, keep_points, last_fit};
 use super::textures::Texture;
 use super::{Database, held};
 use crate::error::Error;
@@ -108,7 +108,7 @@ impl Database {
     /// Adds textures that come with moments and without octants, in one transaction.
     pub(super) fn add_described(&self, textures: Vec<NewTexture>) -> Result<Vec<u64>, Error> {
         self.change(|transaction, books| {
-            let recipes = recipes(&views(transaction));
+            let recipes = views(transaction).recipes();
             let contributions: Vec<Vec<Contribution>> = textures
                 .par_iter()
                 .map(|texture| described_contributions(texture, &recipes))

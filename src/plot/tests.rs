@@ -51,7 +51,14 @@ fn reported(count: u64, axes: usize) -> StatisticsReport {
             max: if count > 0 { moments(0.7) } else { Vec::new() },
             leading_share: 0.9,
         },
-        settings: SettingsReport { views: vec![], volumes: "keep", spaces: vec![], format: 1, kernel: "scalar" },
+        settings: SettingsReport {
+            views: vec![],
+            volumes: "keep",
+            spaces: vec![],
+            nuisance: None,
+            format: 1,
+            kernel: "scalar",
+        },
         quarantined: Vec::new(),
         revision: 1,
     }

@@ -41,7 +41,7 @@ pub(super) async fn reindex(
     asked: Option<Json<ReindexAsked>>,
 ) -> Result<Response, Problem> {
     app.may_change()?;
-    let options = Reindex { reextract: asked.is_some_and(|Json(asked)| asked.reextract) };
+    let options = Reindex { reextract: asked.is_some_and(|Json(asked)| asked.reextract), ..Reindex::default() };
     let report = Jobs::begin(&app, Kind::Reindex, move |app, job| match app.database.reindex(&options, job) {
         Ok(report) => Ok(Ended {
             state: JobState::Done,

@@ -6,6 +6,7 @@
 mod index;
 mod kernels;
 mod model;
+mod own_spaces;
 mod program;
 mod real;
 mod reference_sums;

@@ -174,7 +174,7 @@ impl Act {
                 Err(Error::Store(hlacdb::store::StoreError::NoSuchTexture { .. })) => {}
                 removed => drop(removed?),
             },
-            Self::Reindex => drop(database.reindex(&Reindex { reextract: true }, &())?),
+            Self::Reindex => drop(database.reindex(&Reindex { reextract: true, ..Reindex::default() }, &())?),
             Self::Compact => drop(database.compact(&())?),
         }
         Ok(())

@@ -1,0 +1,104 @@
+//! Spaces of the user's own: kept in the store's settings, fitted and answered like the built-in ones.
+
+use super::Database;
+use super::books::Books;
+use super::prepare::views;
+use super::rebuild::{Rewrite, rebuild};
+use super::scheme::Scheme;
+use super::spaces::{fit_one, last_fit, load};
+use crate::error::Error;
+use crate::progress::Progress;
+use crate::space::{Definition, Space};
+use crate::store::{Reads, Settings, Transaction};
+
+/// What the name of a setting begins with that holds a definition, as JSON.
+const SETTING: &str = "space.";
+
+/// The definitions that the settings hold, by name.
+///
+/// One that this version cannot read (a newer one may know more kinds) is left out with a warning; it stays in the store.
+pub(super) fn definitions(settings: &Settings) -> Vec<Definition> {
+    let named = settings.further.iter().filter_map(|(key, text)| Some((key.strip_prefix(SETTING)?, text)));
+    let mut definitions = Vec::new();
+    for (name, text) in named {
+        match serde_json::from_str::<Definition>(text) {
+            Ok(definition) if definition.name == name && definition.check().is_ok() => definitions.push(definition),
+            Ok(_) => tracing::warn!("the setting {SETTING}{name} is no definition of that space: it is left out"),
+            Err(error) => tracing::warn!(%error, "the space {name} cannot be read by this version: it is left out"),
+        }
+    }
+    definitions
+}
+
+impl Database {
+    /// Adds a space of one's own and fits it on all there is. Where no other space has its features, every texture is
+    /// looked at once: octants are described from the voxels that are kept.
+    ///
+    /// # Errors
+    /// [`Error::SpaceExists`] for a name that is taken; [`Error::MissingViews`] for views that the store does not keep;
+    /// [`Error::Space`] for a definition that cannot be fitted; [`Error::Cancelled`], after which nothing has changed;
+    /// [`Error::Store`].
+    pub fn add_space(&self, definition: &Definition, progress: &dyn Progress) -> Result<Space, Error> {
+        definition.check()?;
+        self.change(|transaction, books| {
+            check_room(transaction, definition)?;
+            let text = serde_json::to_string(definition)
+                .map_err(|error| Error::io("writing the space's definition", error.into()))?;
+            let mut settings = transaction.settings().clone();
+            settings.further.insert(format!("{SETTING}{}", definition.name), text);
+            transaction.put_settings(settings)?;
+            if !books.all().iter().any(|kept| *kept.recipe() == definition.recipe) {
+                rebuild(transaction, books, &Rewrite::These(&Default::default()), progress)?;
+            }
+            fit_of_books(transaction, books, definition)?;
+            load(transaction, &definition.name)
+        })
+    }
+
+    /// Removes a space of one's own.
+    ///
+    /// # Errors
+    /// [`Error::NotOwnSpace`] where it is built in or not there; [`Error::Store`].
+    pub fn remove_space(&self, name: &str) -> Result<(), Error> {
+        self.change(|transaction, books| {
+            let mut settings = transaction.settings().clone();
+            if settings.further.remove(&format!("{SETTING}{name}")).is_none() {
+                let own = definitions(&settings).into_iter().map(|definition| definition.name).collect();
+                return Err(Error::NotOwnSpace { name: name.to_owned(), own });
+            }
+            transaction.put_settings(settings)?;
+            transaction.drop_space(name)?;
+            // Statistics that no space looks at any more would only grow stale.
+            let wanted = Scheme::of(transaction).recipes();
+            for recipe in books.forget_others(&wanted) {
+                transaction.drop_statistics(&recipe.key())?;
+                transaction.drop_statistics(&super::nuisance::key(&recipe))?;
+            }
+            Ok(())
+        })
+    }
+}
+
+/// That the name is free and the views are kept.
+fn check_room(transaction: &Transaction, definition: &Definition) -> Result<(), Error> {
+    let name = &definition.name;
+    let taken = transaction.settings().further.contains_key(&format!("{SETTING}{name}"));
+    if taken || Definition::built_in(name).is_some() {
+        return Err(Error::SpaceExists { name: name.clone() });
+    }
+    let kept = views(transaction);
+    let missing = definition.recipe.views().iter().filter(|view| !kept.contains(view));
+    let needs: Vec<String> = missing.map(|view| view.name().to_owned()).collect();
+    if needs.is_empty() {
+        return Ok(());
+    }
+    Err(Error::MissingViews { space: name.clone(), needs, what: "the store".into() })
+}
+
+fn fit_of_books(transaction: &mut Transaction, books: &Books, definition: &Definition) -> Result<(), Error> {
+    let epoch = last_fit(transaction)?.0;
+    match books.all().iter().find(|kept| *kept.recipe() == definition.recipe) {
+        Some(statistics) => fit_one(transaction, definition, statistics, epoch),
+        None => Ok(()),
+    }
+}
