@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::{Database, SpaceState};
+use super::Database;
+use super::search::SpaceState;
 use crate::error::Error;
 use crate::index::Points;
 

@@ -83,6 +83,11 @@ impl Ground {
 }
 
 impl SpaceState {
+    /// The revision of the store whose points these are.
+    pub(super) fn revision(&self) -> u64 {
+        self.revision
+    }
+
     /// What could not be read when it was made, one sentence each.
     pub(crate) fn warnings(&self) -> &[String] {
         &self.warnings

@@ -84,7 +84,8 @@ fn picture(
         if let Some(bytes) = app.pictures.get(&tag) {
             return Ok(bytes);
         }
-        let bytes = Bytes::from(draw(&shown.volume(app)?)?);
+        let volume = shown.volume(app)?;
+        let bytes = Bytes::from(draw(&volume)?);
         app.pictures.insert(tag.clone(), bytes.clone());
         Ok(bytes)
     })

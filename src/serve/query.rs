@@ -140,7 +140,8 @@ fn by_example(app: &App, asked: &Asked) -> Result<Response, Problem> {
         ([], Some(token), None) => {
             let gone =
                 || Problem::not_found("there is no such upload: only the last few are kept, send the file again");
-            by_upload(app, asked, &app.uploads.get(token).ok_or_else(gone)?)
+            let upload = app.uploads.get(token).ok_or_else(gone)?;
+            by_upload(app, asked, &upload)
         }
         ([], None, Some(block)) => {
             let volume = part(app, block)?;
