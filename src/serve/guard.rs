@@ -109,14 +109,14 @@ fn cookies(headers: &HeaderMap) -> impl Iterator<Item = &str> {
         .filter_map(|(name, value)| (name == COOKIE).then_some(value))
 }
 
-/// The host that the caller meant, without its port.
+/// The host that the caller meant, without its port; empty where what was sent is no host.
 fn host<'a>(headers: &'a HeaderMap, uri: &'a Uri) -> Option<&'a str> {
     let host = match uri.authority() {
         Some(authority) => authority.as_str(),
-        None => headers.get(header::HOST)?.to_str().ok()?,
+        None => headers.get(header::HOST)?.to_str().unwrap_or_default(),
     };
     match host.strip_prefix('[') {
-        Some(rest) => rest.split_once(']').map(|(address, _)| address),
+        Some(rest) => Some(rest.split_once(']').map_or("", |(address, _)| address)),
         None => Some(host.split(':').next().unwrap_or(host)),
     }
 }

@@ -160,7 +160,9 @@ fn damaged_points_and_moments_leave_answers_that_say_so() {
     };
     let (before, warnings) = ask("default");
     assert_eq!(warnings, [""; 0]);
+    // The codes, which the first question reads, and the points, which all others do.
     edit(&path, flip(POINTS, 1, 300));
+    edit(&path, flip(POINTS, 2, 300));
     let (after, warnings) = ask("default");
     assert_eq!(after, before);
     assert!(warnings.iter().any(|warning| warning.contains("points are made anew")), "{warnings:?}");
