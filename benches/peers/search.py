@@ -402,7 +402,7 @@ def machine():
     return f"one core of {model or platform.processor()}, {datetime.date.today().isoformat()}"
 
 
-def plot(results, path):
+def plot(results, path, remark=""):
     import matplotlib
 
     matplotlib.use("svg")
@@ -420,7 +420,7 @@ def plot(results, path):
         axis.set(xscale="log", yscale="log", xlabel="textures", title=title)
         axis.grid(alpha=0.3)
     axes[1].legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    figure.suptitle(f"Exact and approximate 10 nearest neighbours; {machine()}", fontsize=9)
+    figure.suptitle(f"Exact and approximate 10 nearest neighbours; {machine()}{remark and '; '}{remark}", fontsize=8)
     figure.tight_layout()
     figure.savefig(path, metadata={"Date": None, "Title": "Time of a question against the number of textures"})
 
@@ -432,6 +432,7 @@ def main():
     parser.add_argument("--questions", type=int, default=1000)
     parser.add_argument("--csv", type=pathlib.Path)
     parser.add_argument("--svg", type=pathlib.Path)
+    parser.add_argument("--remark", default="", help="what the plot should say besides, e.g. that the machine was shared")
     parser.add_argument("--folder", type=pathlib.Path, help="where rows and indexes go; a temporary one unless said")
     parser.add_argument("--child", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -458,7 +459,7 @@ def write(results, options):
             table.writerow(COLUMNS)
             table.writerows([[f"{r[c]:.4g}" if isinstance(r[c], float) else r[c] for c in COLUMNS] for r in results])
     if options.svg:
-        plot(results, options.svg)
+        plot(results, options.svg, options.remark)
 
 
 def compare(folder, base, count, options):
