@@ -11,7 +11,7 @@ use serde::{Serialize, Serializer};
 
 use super::{ContentHash, Database, held};
 use crate::error::Error;
-use crate::store::{Reads, Record, Snapshot};
+use crate::store::{Reads, Record, Snapshot, StoreError};
 use crate::volume::{Shape, natural_cmp};
 
 /// A texture as a list shows it.
@@ -115,7 +115,11 @@ impl Catalogue {
         let mut words = Words::default();
         let mut textures = Vec::with_capacity(usize::try_from(snapshot.counts().textures).unwrap_or(0).min(1 << 20));
         for record in snapshot.records() {
-            textures.push(words.listed(record?));
+            match record {
+                Ok(record) => textures.push(words.listed(record)),
+                Err(StoreError::Damage(damage)) => tracing::warn!(%damage, "a texture is left out of the list"),
+                Err(error) => return Err(error.into()),
+            }
         }
         let (tags, selected) = (OnceLock::new(), Mutex::default());
         Ok(Self { revision: snapshot.revision(), textures, tags, selected, began, cost: began.elapsed() })
@@ -240,7 +244,8 @@ impl Words {
 }
 
 impl Database {
-    /// The list of all textures, kept in memory and read again where the store has changed.
+    /// The list of all textures, kept in memory and read again where the store has changed. One whose record is damaged is
+    /// left out, with a warning in the log.
     ///
     /// Where reading it takes long and the store changes all the time, the list may be some moments old, but never older
     /// than the revision `at_least` (0: any): whoever has just changed something names the revision of the change.

@@ -79,6 +79,9 @@ struct Answered {
     /// The example, where it was sent or is kept: by its token it can be seen, and asked with again.
     #[serde(skip_serializing_if = "Option::is_none")]
     upload: Option<Kept>,
+    /// What was odd about the question, one sentence each; mostly nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    warnings: Vec<String>,
     hits: Vec<Hit>,
 }
 
@@ -283,6 +286,7 @@ fn shown(app: &App, answer: Answer) -> Result<Answered, Problem> {
         epoch: answer.epoch,
         elapsed_us: answer.elapsed.as_micros() as u64,
         upload: None,
+        warnings: answer.warnings,
         hits,
     })
 }
