@@ -66,7 +66,8 @@ impl Database {
         })
     }
 
-    /// Removes textures, durably: all of them, or, where one is not there, none. Returns the ids removed, each once.
+    /// Removes textures, durably: all of them, or, where one is not there, none. Returns the ids removed, each once. One whose
+    /// record cannot be read is removed with all that lies under its id, after which its content can be added anew.
     ///
     /// # Errors
     /// [`StoreError::NoSuchTexture`], in [`Error::Store`].
@@ -77,11 +78,17 @@ impl Database {
         self.change(|transaction, books| {
             let views = views(transaction);
             for &id in &ids {
-                if transaction.record(id)?.is_none() {
-                    return Err(StoreError::NoSuchTexture { id }.into());
-                }
+                let whole = match transaction.record(id) {
+                    Ok(None) => return Err(StoreError::NoSuchTexture { id }.into()),
+                    Ok(Some(_)) => true,
+                    Err(StoreError::Damage(_)) => false,
+                    Err(error) => return Err(error.into()),
+                };
                 let parts = contributions_of(transaction, id, &views)?;
-                transaction.remove(id)?;
+                match whole {
+                    true => drop(transaction.remove(id)?),
+                    false => transaction.discard(id)?,
+                }
                 books.remove(&parts)?;
             }
             renew_extremes(transaction, books)

@@ -20,6 +20,7 @@ mod codec;
 mod compact;
 mod copy;
 mod descriptors;
+mod discard;
 mod error;
 mod frame;
 #[cfg(feature = "fuzz")]

@@ -133,12 +133,23 @@ impl Transaction {
                 this.delete(keys::CHUNKS, (id, n))?;
             }
             this.delete(keys::SUMS, id)?;
-            let block = (row / ROWS_PER_BLOCK as u64) as u32;
-            this.open_row_block(block)?.live.set((row % ROWS_PER_BLOCK as u64) as usize, false);
-            this.state.live = this.state.live.saturating_sub(1);
-            Ok(())
+            this.bury((row / ROWS_PER_BLOCK as u64) as u32, (row % ROWS_PER_BLOCK as u64) as usize)
         })?;
         Ok(record)
+    }
+
+    /// Makes a row a tombstone.
+    pub(super) fn bury(&mut self, block: u32, row: usize) -> Result<(), StoreError> {
+        self.open_row_block(block)?.live.set(row, false);
+        self.state.live = self.state.live.saturating_sub(1);
+        Ok(())
+    }
+
+    /// Removes the pieces of a texture's voxels, however many there are.
+    pub(super) fn delete_chunks(&self, id: u64) -> Result<(), StoreError> {
+        let mut table = self.transaction.open_table(keys::CHUNKS).map_err(StoreError::when("opening a table"))?;
+        let all = (id, 0)..=(id, u32::MAX);
+        table.retain_in(all, |_, _| false).map_err(StoreError::when("writing the store"))
     }
 
     /// Sets the tag `key` of a texture, in place of the value that it had.

@@ -144,6 +144,16 @@ fn what_is_lost_is_quarantined_and_the_rest_goes_on() {
         );
         database.tag(1, &[("n".into(), repaired.to_string())], &[]).unwrap();
     }
+    // Removed by its owner, the content can be added anew.
+    let database = Database::open(&path).unwrap();
+    assert_eq!(database.remove(&[3, 7]).unwrap(), [3, 7]);
+    for n in [3, 7] {
+        assert!(matches!(database.add(&super::volume(n, 9), Default::default()).unwrap(), hlacdb::Added::New(_)));
+    }
+    database.reindex(&Reindex { reextract: true, ..Reindex::default() }, &()).unwrap();
+    let verified = database.verify(true, &()).unwrap();
+    assert!(verified.ok(), "{:?}", verified.damage);
+    assert_eq!(database.quarantined().unwrap(), []);
 }
 
 /// Points and moments that cannot be read: answers are as before where one tells the other, and say what is left out.
@@ -160,8 +170,9 @@ fn damaged_points_and_moments_leave_answers_that_say_so() {
     };
     let (before, warnings) = ask("default");
     assert_eq!(warnings, [""; 0]);
-    // The codes, which the first question reads, and the points, which all others do.
+    // The codes alone: the first question does without them. The points too: they are made anew.
     edit(&path, flip(POINTS, 1, 300));
+    assert_eq!(ask("default").0, before);
     edit(&path, flip(POINTS, 2, 300));
     let (after, warnings) = ask("default");
     assert_eq!(after, before);
