@@ -4,7 +4,7 @@
     cargo run --release -- masks > points-out/masks.txt       # or any list of the 251 masks by their letters, in order
     python benches/peers/points.py points-out points-out/masks.txt src/space/prior.bin PRIOR_WEIGHT
 
-Needs numpy only (2.4.6: 3.0e-8 for each fit over 352 textures, the rounding to f32). Prints the largest difference of a coordinate for each of the three fits; exits 1 above 1e-6.
+Needs numpy only (2.4.6: 3.0e-8 over 352 textures, the rounding to f32). Prints the largest difference of a coordinate for each of the three fits; exits 1 above 1e-6.
 """
 import itertools
 import re
@@ -15,6 +15,7 @@ import numpy as np
 
 LETTERS = "abcdefghijklmnopqrstuvwxyzA"
 RIDGE, LEAST, KEPT, DIMS, NUISANCE = 0.02, 1e-10, 128, 32, 0.2
+FEATURES = 245
 
 
 def cells(mask):
@@ -51,7 +52,7 @@ def pool(moments, masks):
 def shipped(path):
     """Mean and T, O, N of the prior."""
     data = open(path, "rb").read()
-    assert data[:6] == b"hPri\x01\x00", "a prior of version 1"
+    assert data[:6] == b"hPri\x02\x00", "a prior of version 2"
     at = 6 + 16
 
     def numbers(kind, size):
@@ -61,14 +62,26 @@ def shipped(path):
         at += 4 + size * length
         return values
 
+    def steps():
+        """Whole numbers of one step, little-endian, of as many bytes as the widest needs."""
+        nonlocal at
+        step, length, width = struct.unpack_from("<dIB", data, at)
+        at += 13
+        whole = np.frombuffer(data, np.uint8, length * width, at).reshape(length, width).astype(np.int64)
+        at += length * width
+        values = (whole << 8 * np.arange(width)).sum(1)
+        return np.where(values >= 1 << (8 * width - 1), values - (1 << 8 * width), values) * step
+
     mean, deviation = numbers("<f8", 8), numbers("<f8", 8)
     scatters = []
     for _ in range(3):
         root = np.zeros((len(mean), len(mean)))
-        root[np.triu_indices(len(mean))] = numbers("<f4", 4)
+        root[np.triu_indices(len(mean))] = steps()
         root += np.triu(root, 1).T
         scatters.append(root @ root * np.outer(deviation, deviation))
-    return mean, *scatters
+    # The prior knows full@1 too, whose features come first.
+    kept = slice(len(mean) - FEATURES, None)
+    return mean[kept], *(scatter[kept, kept] for scatter in scatters)
 
 
 def observed(features, octants, copies):
