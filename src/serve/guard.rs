@@ -6,6 +6,7 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use futures_util::StreamExt;
 
 use super::problem::Problem;
 use super::state::App;
@@ -31,6 +32,10 @@ pub(super) async fn guard(State(app): State<Arc<App>>, request: Request, next: N
     let mut response = match admit(&app, &request) {
         Err(refused) => refused.into_response(),
         Ok(Admitted::Redirect(response)) => response,
+        Ok(Admitted::In) if is_too_large(&app, request.headers()) => {
+            let _ = tokio::time::timeout(limit, drain(request)).await;
+            Problem::new(StatusCode::PAYLOAD_TOO_LARGE, too_large(&app)).into_response()
+        }
         Ok(Admitted::In) => match tokio::time::timeout(limit, next.run(request)).await {
             Ok(response) => as_problem(&app, response).await,
             Err(_) => {
@@ -43,6 +48,26 @@ pub(super) async fn guard(State(app): State<Arc<App>>, request: Request, next: N
         response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
     response
+}
+
+/// A body that says beforehand that it is longer than what is taken.
+fn is_too_large(app: &App, headers: &HeaderMap) -> bool {
+    let length = headers.get(header::CONTENT_LENGTH).and_then(|length| length.to_str().ok());
+    length.and_then(|length| length.parse::<u64>().ok()).is_some_and(|length| length > app.settings.max_body)
+}
+
+/// So much of a refused body is read, and thrown away.
+const DRAINED: usize = 64 << 20;
+
+/// Reads on, so that the caller, who is still sending, hears why it is refused and not only that the connection broke.
+async fn drain(request: Request) {
+    let (mut body, mut read) = (request.into_body().into_data_stream(), 0);
+    while let Some(Ok(chunk)) = body.next().await {
+        read += chunk.len();
+        if read > DRAINED {
+            break;
+        }
+    }
 }
 
 enum Admitted {
