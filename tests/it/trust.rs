@@ -5,6 +5,7 @@
 
 mod copies;
 mod faults;
+mod fixtures;
 mod flips;
 mod hostile;
 mod processes;
