@@ -59,6 +59,15 @@ pub(super) struct Key {
     pub(super) fine: [f32; FINE],
 }
 
+impl Key {
+    /// The numbers of the best key there is: the coarse one, or, where there is a fine one, the leading numbers of the
+    /// coarse one and then those of the fine one.
+    pub(super) fn numbers(&self, width: usize, fine: bool) -> impl Iterator<Item = f32> {
+        let leading = if fine { width - 1 } else { width };
+        self.coarse.into_iter().take(leading).chain(self.fine.into_iter().take(if fine { FINE } else { 0 }))
+    }
+}
+
 /// Which numbers make a key.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct KeyShape {
@@ -69,13 +78,13 @@ pub(super) struct KeyShape {
     fine: bool,
 }
 
-/// Numbers in the key of a point, and how many of its coordinates lead. Keys of fewer than four coordinates are filled
-/// up with zeros.
+/// Numbers in the key of a point, and how many of its coordinates lead. Keys of fewer coordinates than their width are
+/// filled up with zeros.
 fn width_and_leading(dims: usize) -> (usize, usize) {
     let [few, many] = WIDTHS;
     match dims {
         _ if dims <= few => (few, dims),
-        _ if dims < many => (few, few - 1),
+        _ if dims <= many => (many, dims),
         _ => (many, many - 1),
     }
 }
@@ -187,6 +196,16 @@ impl Probe {
     /// Whether rows have fine keys.
     pub(super) fn has_fine(&self) -> bool {
         self.fine
+    }
+
+    /// The numbers of the query's best key: see [`Key::numbers`].
+    pub(super) fn numbers(&self) -> Vec<f32> {
+        self.key.numbers(self.width, self.fine).collect()
+    }
+
+    /// How much rounding may add to the distance of two keys.
+    pub(super) fn slack(&self) -> f64 {
+        self.slack
     }
 
     /// Rows at most `limit` away have a computed key distance of at most this.

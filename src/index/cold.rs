@@ -10,26 +10,14 @@
 //!
 //! With `c(x)` the coordinates cut to [-1, 1] and `r(x)` those in whole steps: cutting brings no two points farther apart,
 //! and `|r(x)/127 - c(x)|` is at most `1/254` in each coordinate, so `e = sqrt(d)/254` (L2) or `d/254` (L1) in all. The
-//! query's own error is known. So `distance(r(x), r(q)) / 127 <= distance(x, q) + e + own error`. Codes are integers and so
-//! are their squared distances: only the threshold is rounded, and it is widened by `2^-20` for that.
+//! query's own error is known. So `distance(r(x), r(q)) / 127 <= distance(x, q) + e + own error` (see `codes.rs`).
 //!
 //! Measured (a million points of a store of moments, 32 coordinates, k = 10): seven leading coordinates and the norm of the
 //! rest (32 bytes a row as well) left some thousand rows to fetch, codes leave some dozen.
 
+use super::codes::{self, NO_POINT, STEPS};
 use super::question::Best;
 use super::{IndexError, Metric, Neighbour, Question};
-
-/// Steps from 0 to 1.
-const STEPS: f32 = 127.0;
-
-/// The code of a row that has no point.
-pub const NO_POINT: i8 = i8::MIN;
-
-/// The codes of a point's coordinates, one byte each; [`NO_POINT`] where one is not finite.
-pub fn codes(point: &[f32]) -> impl Iterator<Item = i8> + '_ {
-    let code = |coordinate: f32| (coordinate.clamp(-1.0, 1.0) * STEPS).round_ties_even() as i8;
-    point.iter().map(move |&coordinate| if coordinate.is_finite() { code(coordinate) } else { NO_POINT })
-}
 
 /// A row that may matter.
 #[derive(Clone, Copy)]
@@ -60,7 +48,7 @@ impl<'q> ColdScan<'q> {
             return Err(IndexError::NoCoordinates);
         }
         question.check(dims)?;
-        let codes: Vec<i16> = codes(question.point).map(i16::from).collect();
+        let codes: Vec<i16> = codes::codes(question.point).map(i16::from).collect();
         let whole: Vec<f32> = codes.iter().map(|&code| f32::from(code) / STEPS).collect();
         let cut: Vec<f32> = question.point.iter().map(|coordinate| coordinate.clamp(-1.0, 1.0)).collect();
         let half = 0.5 / f64::from(STEPS);
@@ -80,7 +68,7 @@ impl<'q> ColdScan<'q> {
     pub fn codes(&mut self, first: usize, ids: &[u64], stride: usize, codes: &[i8], live: impl Fn(usize) -> bool) {
         let threshold = self.threshold();
         for ((row, &id), code) in (first..).zip(ids).zip(codes.chunks_exact(stride.max(self.codes.len()))) {
-            let bound = self.bound(code);
+            let bound = codes::distance(self.metric, code, &self.codes);
             let there = code.first() != Some(&NO_POINT);
             if bound <= threshold && there && live(row) && self.question.admits(id) {
                 self.candidates.push(Candidate { bound, row, id });
@@ -88,25 +76,9 @@ impl<'q> ColdScan<'q> {
         }
     }
 
-    /// The distance of two codes in steps, squared for L2.
-    #[inline]
-    fn bound(&self, code: &[i8]) -> u32 {
-        let differences = code.iter().zip(&self.codes).map(|(&code, &own)| own - i16::from(code));
-        match self.metric {
-            Metric::L2 => differences.map(|d| i32::from(d) * i32::from(d)).sum::<i32>() as u32,
-            Metric::L1 => differences.map(|d| i32::from(d.abs())).sum::<i32>() as u32,
-        }
-    }
-
     /// Rows that may come in have a bound of at most this.
     fn threshold(&self) -> u32 {
-        let steps = (self.best.limit() + self.slack) * f64::from(STEPS) * (1.0 + 1.0 / f64::from(1 << 20));
-        let bound = match self.metric {
-            Metric::L2 => steps * steps,
-            Metric::L1 => steps,
-        };
-        // The conversion stops at the greatest number, where nothing is left out.
-        bound.ceil() as u32
+        codes::threshold(self.metric, (self.best.limit() + self.slack) * f64::from(STEPS))
     }
 
     /// Whether so many rows wait that [`ColdScan::settle`] is worth its reading.
@@ -192,7 +164,7 @@ mod tests {
             let question = Question { point: rows[0], k, within: radius, allowed: Allowed::When(&some), exclude: Some(3) };
             let expected = Index::from_points(points).search(&question, Method::Linear).unwrap();
 
-            let coded: Vec<i8> = rows.iter().flat_map(|row| codes(row)).collect();
+            let coded: Vec<i8> = rows.iter().flat_map(|row| codes::codes(row)).collect();
             let fetch = |row: usize, into: &mut Vec<f32>| { into.extend(rows[row]); Ok::<(), ()>(()) };
             let mut scan = ColdScan::new(metric, dims, ids.len(), question).unwrap();
             for first in (0..ids.len()).step_by(part) {
@@ -213,7 +185,7 @@ mod tests {
         let point = |row: usize| (0..8).map(|i| value(row, i)).collect::<Vec<f32>>();
         let question = point(ROWS + 3);
         let ids: Vec<u64> = (0..ROWS as u64).collect();
-        let coded: Vec<i8> = (0..ROWS).flat_map(|row| codes(&point(row)).collect::<Vec<_>>()).collect();
+        let coded: Vec<i8> = (0..ROWS).flat_map(|row| codes::codes(&point(row)).collect::<Vec<_>>()).collect();
         let mut scan = ColdScan::new(Metric::L2, 8, ROWS, Question::nearest(&question, 10)).unwrap();
         scan.codes(0, &ids, 8, &coded, |_| true);
         let mut fetched = 0;
@@ -229,7 +201,7 @@ mod tests {
     #[test]
     fn rows_without_a_point_are_no_hits() {
         let mut scan = ColdScan::new(Metric::L2, 9, 2, Question::nearest(&[0.0; 9], 5)).unwrap();
-        let coded: Vec<i8> = codes(&[f32::NAN; 9]).chain(codes(&[1.0; 9])).collect();
+        let coded: Vec<i8> = codes::codes(&[f32::NAN; 9]).chain(codes::codes(&[1.0; 9])).collect();
         scan.codes(0, &[5, 6], 9, &coded, |_| true);
         let hits = scan
             .finish(|row, into| {
@@ -245,13 +217,5 @@ mod tests {
         let mut scan = ColdScan::new(Metric::L2, 1, 1, Question::nearest(&[0.0], 1)).unwrap();
         scan.codes(0, &[5], 1, &[127], |_| true);
         assert_eq!(scan.finish(|_, _| Err("damaged")), Err("damaged"));
-    }
-
-    #[test]
-    fn codes_are_frozen() {
-        assert_eq!(
-            codes(&[0.0, 1.0, -1.0, 7.0, 0.5, -0.004, f32::NAN]).collect::<Vec<_>>(),
-            [0, 127, -127, 127, 64, -1, -128]
-        );
     }
 }

@@ -1,33 +1,30 @@
-//! A k-d tree over keys, which proposes rows that the true distance then ranks.
+//! A k-d tree over keys, which finds the rows that the true distance then ranks.
 //!
-//! The tree knows only the keys of rows (see `bound.rs`): a few leading coordinates and the norm of the rest. Its
-//! distances are lower bounds, so it answers in two steps. *Proposals*: the rows of the nearest keys, twice `k`, are
-//! measured; the k-th true distance so far is a limit. If even the last proposal's bound exceeds the limit, no other row
-//! can matter and the answer is there. *Sweep*: otherwise all rows whose bound is within the limit are measured, found in
-//! a packed copy of the keys in the order of the tree's leaves (see `packed.rs`). Where a filter leaves too few
-//! proposals, the scan takes over. The margins that make this exact in spite of rounding are derived in `bound.rs`.
+//! It knows the keys of rows (see `bound.rs`), whose distances are lower bounds of those of their points. What answers
+//! depends on how much of a point its key holds:
 //!
-//! Rows added after the build (the tail) are scanned; rows removed after it are proposed and passed over.
+//! * *All of it* (up to 8 coordinates): kiddo's `ImmutableKdTree` proposes the rows of the nearest keys, twice `k`, which
+//!   are measured; the k-th true distance so far is a limit. If even the last proposal's bound exceeds the limit, no other
+//!   row can matter and the answer is there. A sweep answers otherwise: where keys tie, or a radius is asked for.
+//! * *A part of it*: a sweep, which goes through the rows in a k-d order of boxes, the nearest first (see `packed.rs`).
 //!
-//! Measured (32 coordinates of real descriptors, k = 10, two cores busy with other work, processor time, medians of 1000
-//! questions; the scan in the same run): 10 k rows 24 us (36 us), 100 k 66 us (209 us), 1 M 74 us (3.6 ms); a build of
-//! 1 M rows 0.3 s.
+//! Where a filter leaves too few, the scan takes over. The margins that make this exact in spite of rounding are derived
+//! in `bound.rs` and `codes.rs`. Rows added after the build (the tail) are scanned; rows removed after it are found and
+//! passed over.
 //!
-//! * Won: 7 leading coordinates and the norm, eight numbers in all: the tree finds 30 keys in half the time it takes with
-//!   nine (20 against 40 us at 100 k rows). Nine, eleven and thirteen numbers leave fewer rows to measure (83, 43, 28 at
-//!   100 k) but cost more in the tree.
-//! * Won: more proposals than `k` (with `k`, 109 us at 100 k rows; with two or three times as many, 67), and sweeping the
-//!   packed keys instead of the tree's own `within`: the same median at 100 k rows, 24 instead of 30 us at 20 k, half the
-//!   95th percentile at 1 M (0.43 against 0.88 ms), for questions far from all rows are then no worse than a scan.
-//! * Lost: leaves of 16, 64 and 128 rows, flat leaves, the other stem orders of kiddo: within the noise or slower.
+//! Measured (leading coordinates of real points, k = 10, one busy core, medians of a thousand questions; the sweep alone
+//! in brackets): of 4 coordinates 10 k rows take kiddo 4.5 us (22), 100 k 5.2 (26), 1 M 11 (53); of 8 coordinates 10 (23),
+//! 21 (30), 107 (71); of 16 coordinates, with the norm of the rest in the key, 19 (26), 60 (43), 248 (171); of 32
+//! coordinates 120 (69) at 100 k and 390 (260) at 1 M.
 
 use std::num::NonZeroUsize;
 
 use kiddo::{ImmutableKdTree, Manhattan, QueryResultItem, SquaredEuclidean};
 
 use super::bound::{Probe, WIDTHS};
+use super::codes;
 use super::linear::{self, measure};
-use super::packed::Packed;
+use super::packed::{Entry, Packed};
 use super::question::Best;
 use super::{Metric, Neighbour, Points, Question};
 
@@ -43,9 +40,21 @@ enum Tree {
     Many(ImmutableKdTree<f32, { WIDTHS[1] }>),
 }
 
+impl Tree {
+    /// The rows of the `n` nearest keys, nearest first.
+    fn nearest(&self, metric: Metric, probe: &Probe, n: usize) -> Vec<Proposal> {
+        let n = NonZeroUsize::new(n).unwrap_or(NonZeroUsize::MIN);
+        match self {
+            Tree::Few(tree) => nearest(tree, metric, probe.key(), n),
+            Tree::Many(tree) => nearest(tree, metric, probe.key(), n),
+        }
+    }
+}
+
 /// A tree over the rows that were live when it was built. See the module.
 pub struct KdTree {
-    tree: Tree,
+    /// Only over points that their keys hold whole.
+    tree: Option<Tree>,
     packed: Packed,
     metric: Metric,
     rows: usize,
@@ -55,23 +64,25 @@ pub struct KdTree {
 impl KdTree {
     /// A tree over all live rows, built by the threads of the current rayon pool where rows are many.
     ///
-    /// `None` where there is no live row, or where a coordinate is so great (above 2^60) that its square would strain
-    /// the range of `f32`: such points are scanned.
+    /// `None` where there is no live row, where a coordinate is so great (above 2^60) that its square would strain the
+    /// range of `f32`, or where there are more than 16 384 coordinates: such points are scanned.
     pub fn build(points: &Points) -> Option<Self> {
         if points.is_empty() || !Self::takes(points) {
             return None;
         }
-        let tree = if points.key_width() == WIDTHS[0] { Tree::Few(grow(points)?) } else { Tree::Many(grow(points)?) };
-        let packed = match &tree {
-            Tree::Few(tree) => Packed::new(points, tree.iter()),
-            Tree::Many(tree) => Packed::new(points, tree.iter()),
+        let (tree, packed) = if points.key_width() == WIDTHS[0] {
+            let (tree, packed) = grow(points)?;
+            (tree.map(Tree::Few), packed)
+        } else {
+            let (tree, packed) = grow(points)?;
+            (tree.map(Tree::Many), packed)
         };
         Some(Self { tree, packed, metric: points.metric(), rows: points.rows(), lineage: points.lineage() })
     }
 
-    /// Whether no coordinate is too great for a tree.
+    /// Whether no coordinate is too great for a tree, nor their number.
     pub(super) fn takes(points: &Points) -> bool {
-        points.magnitude() <= MAGNITUDE
+        points.magnitude() <= MAGNITUDE && points.dims() <= codes::MOST_DIMS
     }
 
     /// Rows it covers: all later ones are the tail.
@@ -88,23 +99,21 @@ impl KdTree {
     pub(super) fn search(&self, points: &Points, question: &Question<'_>, effort: Effort) -> Vec<Neighbour> {
         let probe = points.probe(question.point);
         let mut best = Best::new(question, points.len());
-        let next = if probe.key().iter().any(|value| value.abs() > MAGNITUDE) {
-            Next::Scan
-        } else {
-            self.propose(points, question, &probe, effort, &mut best)
+        let mut next = match &self.tree {
+            _ if probe.key().iter().any(|value| value.abs() > MAGNITUDE) => Next::Scan,
+            Some(tree) => self.propose(points, question, tree, &probe, effort, &mut best),
+            None => Next::Sweep,
         };
-        match next {
-            Next::Tail => linear::scan(points, question, self.rows, &mut best),
-            Next::Sweep => {
-                best.restart();
-                linear::scan(points, question, self.rows, &mut best);
-                self.sweep(points, question, &probe, &mut best);
-            }
-            Next::Scan => {
-                best.restart();
-                linear::scan(points, question, 0, &mut best);
-            }
+        if matches!(next, Next::Sweep) {
+            best.restart();
+            next = self.sweep(points, question, &probe, effort, &mut best);
         }
+        let mut from = self.rows;
+        if matches!(next, Next::Scan) {
+            best.restart();
+            from = 0;
+        }
+        linear::scan(points, question, from, &mut best);
         best.into_sorted()
     }
 
@@ -113,6 +122,7 @@ impl KdTree {
         &self,
         points: &Points,
         question: &Question<'_>,
+        tree: &Tree,
         probe: &Probe,
         effort: Effort,
         best: &mut Best,
@@ -125,7 +135,7 @@ impl KdTree {
             }
             // One more than there are is never reached, and so means that all were proposed.
             wanted = wanted.min(self.rows + 1);
-            let proposals = self.nearest(probe, wanted);
+            let proposals = tree.nearest(self.metric, probe, wanted);
             for proposal in &proposals {
                 if proposal.distance <= probe.threshold(best.limit()) {
                     measure(points, question, proposal.item as usize, best);
@@ -146,24 +156,18 @@ impl KdTree {
         }
     }
 
-    /// The rows of the `n` nearest keys, nearest first.
-    fn nearest(&self, probe: &Probe, n: usize) -> Vec<Proposal> {
-        let n = NonZeroUsize::new(n).unwrap_or(NonZeroUsize::MIN);
-        match &self.tree {
-            Tree::Few(tree) => nearest(tree, self.metric, probe.key(), n),
-            Tree::Many(tree) => nearest(tree, self.metric, probe.key(), n),
-        }
-    }
-
-    /// Measures all rows whose bound is within the limit, which shrinks meanwhile.
-    fn sweep(&self, points: &Points, question: &Question<'_>, probe: &Probe, best: &mut Best) {
-        let mut threshold = probe.threshold(best.limit());
-        self.packed.sweep(probe, threshold, |row| {
-            if measure(points, question, row as usize, best) {
-                threshold = probe.threshold(best.limit());
-            }
-            threshold
+    /// Measures all rows whose bounds are within the limit, which shrinks meanwhile, and says what is left to do: a filter
+    /// may let so few through that it gives up.
+    fn sweep(&self, points: &Points, question: &Question<'_>, probe: &Probe, effort: Effort, best: &mut Best) -> Next {
+        let most = (self.rows / effort.fraction).max(effort.floor);
+        let mut visited = 0;
+        let done = self.packed.sweep(question.point, probe, best.limit(), |row| {
+            measure(points, question, row as usize, best);
+            visited += 1;
+            let limit = best.limit();
+            (visited <= most || limit.is_finite()).then_some(limit)
         });
+        if done { Next::Tail } else { Next::Scan }
     }
 }
 
@@ -173,7 +177,8 @@ const PROPOSALS_PER_HIT: usize = 2;
 /// Proposals at least: fewer are not quicker.
 const FEWEST_PROPOSALS: usize = 20;
 
-/// When the tree gives up: for more than `rows / fraction` proposals (but not below `floor`) the scan takes over.
+/// When the tree gives up: for more than `rows / fraction` rows (but not below `floor`) that a filter did not let through
+/// the scan takes over.
 #[derive(Clone, Copy)]
 pub(super) struct Effort {
     fraction: usize,
@@ -189,7 +194,7 @@ impl Effort {
     pub(super) const ENDLESS: Self = Self { fraction: 1, floor: usize::MAX };
 }
 
-/// What follows the proposals.
+/// What is left to do.
 enum Next {
     /// Only rows that the tree does not cover are left.
     Tail,
@@ -199,9 +204,9 @@ enum Next {
     Scan,
 }
 
-/// The tree of all live rows.
-fn grow<const K: usize>(points: &Points) -> Option<ImmutableKdTree<f32, K>> {
-    let entries: Vec<(u32, [f32; K])> = (0..points.rows())
+/// The tree of all live rows, where keys hold all of a point, and the keys packed.
+fn grow<const K: usize>(points: &Points) -> Option<(Option<ImmutableKdTree<f32, K>>, Packed)> {
+    let entries: Vec<Entry<K>> = (0..points.rows())
         .filter(|&row| points.is_live(row))
         .filter_map(|row| {
             let mut key = [0.0; K];
@@ -210,7 +215,8 @@ fn grow<const K: usize>(points: &Points) -> Option<ImmutableKdTree<f32, K>> {
         })
         .collect();
     // Refused only for item types that are too narrow, which rows in 32 bits are not.
-    ImmutableKdTree::new_from_entries(&entries).ok()
+    let tree = if points.dims() <= K { Some(ImmutableKdTree::new_from_entries(&entries).ok()?) } else { None };
+    Some((tree, Packed::new(points, entries)))
 }
 
 fn nearest<const K: usize>(

@@ -13,6 +13,7 @@
 //! This room stands on the ground: it knows no disk, no descriptors and no spaces.
 
 mod bound;
+mod codes;
 mod cold;
 mod error;
 #[allow(clippy::module_inception)]
@@ -28,7 +29,8 @@ mod shared;
 mod turn;
 
 pub use crate::metric::{Metric, UnknownMetric};
-pub use cold::{ColdScan, NO_POINT, codes};
+pub use codes::{NO_POINT, codes};
+pub use cold::ColdScan;
 pub use error::IndexError;
 pub use index::{Index, Method, UnknownMethod, should_rebuild};
 pub use kdtree::KdTree;

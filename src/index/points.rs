@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::bound::{FINE, KeyBlock, KeyShape, LANES, Probe};
+use super::bound::{FINE, Key, KeyBlock, KeyShape, LANES, Probe};
 use super::question::check_point;
 use super::{IndexError, Metric};
 
@@ -263,13 +263,19 @@ impl Points {
         }
     }
 
-    /// The fine key of a row, which must exist; zeros where it has none.
-    pub(super) fn fine_key(&self, row: usize) -> [f32; FINE] {
-        let mut key = [0.0; FINE];
-        for (value, lanes) in key.iter_mut().zip(self.fine_block(row / LANES)) {
+    /// Numbers in the best key that points have: see [`Key::numbers`].
+    pub(super) fn key_numbers(&self) -> usize {
+        Key::default().numbers(self.shape.width(), self.shape.has_fine()).count()
+    }
+
+    /// The numbers of the best key of a row, which must exist.
+    pub(super) fn all_keys(&self, row: usize, into: &mut [f32]) {
+        let mut key = Key::default();
+        self.key(row, &mut key.coarse);
+        for (value, lanes) in key.fine.iter_mut().zip(self.fine_block(row / LANES)) {
             *value = lanes[row % LANES];
         }
-        key
+        into.iter_mut().zip(key.numbers(self.shape.width(), self.shape.has_fine())).for_each(|(to, from)| *to = from);
     }
 
     /// Whether points have fine keys.
