@@ -11,7 +11,7 @@ binary patterns of 8 neighbours on three orthogonal planes (LBP-TOP); the last t
 
 - untreated: z-scored, or whitened to 32 principal axes and scaled to unit length;
 - with our treatment: directions pooled so that the 24 right-angle turns do not matter, and the fit of our spaces (points.py)
-  on the scatter of the textures T, of their octants O and of nuisance copies N, weighted 0.2 (as `default`) and 1 (as
+  on the scatter of the textures T, of their octants O and of nuisance copies N, weighted 0.2, 0.5 (as `default`) and 1 (as
   `invariant`). T and O are the store's own, as ours; N is of the pairs (clean, nuisances) of all families but that of the
   query. For real blocks N is that of all families, and T and O count the families as 300 textures, as our prior counts;
 - the same of the volume stretched between its 1 and 99 percentiles (our view stretch@1), which takes care of contrast.
@@ -372,7 +372,7 @@ def peers(sets, clean, changed, work):
                 yield {**row, "treatment": "z-score", **score(zscored(plain(whole)), which.labels)}
                 yield {**row, "treatment": "PCA-whitened", **score(whitened(plain(whole)), which.labels)}
                 own = (which.labels, pooled(whole), pooled(parts))
-                for weight in (0.2, 1.0):
+                for weight in (0.2, 0.5, 1.0):
                     yield {**row, "treatment": f"ours, nuisance {weight:g}", **treated(own, known, weight)}
 
 

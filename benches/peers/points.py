@@ -14,7 +14,7 @@ import sys
 import numpy as np
 
 LETTERS = "abcdefghijklmnopqrstuvwxyzA"
-RIDGE, LEAST, KEPT, DIMS, NUISANCE = 0.02, 1e-10, 128, 32, 0.2
+RIDGE, LEAST, KEPT, DIMS, NUISANCE = 0.02, 1e-10, 128, 32, 0.5
 FEATURES = 245
 
 

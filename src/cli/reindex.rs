@@ -3,8 +3,8 @@
 use std::time::Instant;
 
 use clap::Args;
-use hlacdb::Learn;
 use hlacdb::synth::Nuisance;
+use hlacdb::{Database, Learn};
 
 use super::bars::Bars;
 use super::table::{count, duration};
@@ -43,11 +43,18 @@ impl Reindex {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_write()?;
         let bars = Bars::until(context, context.interruptible()?);
-        let began = Instant::now();
+        let (began, before) = (Instant::now(), size(&database));
         let report = database.reindex(
             &hlacdb::Reindex { reextract: self.reextract, nuisance: self.nuisance.unwrap_or_default() },
             &bars,
         )?;
+        if size(&database) > before + before / 4 {
+            // Points were written anew beside the old ones, and a file grows by doubling. Whoever holds the store open
+            // hinders that, and nothing else: `compact` may be run later.
+            if let Err(error) = database.compact(&bars) {
+                tracing::info!(%error, "the store was not compacted after the fit");
+            }
+        }
         drop(bars);
         if context.json {
             context.print_json(&report)?;
@@ -62,4 +69,9 @@ impl Reindex {
         }
         Ok(Outcome::Done)
     }
+}
+
+/// Bytes of the store's file; 0 where that cannot be told.
+fn size(database: &Database) -> u64 {
+    std::fs::metadata(database.path()).map_or(0, |metadata| metadata.len())
 }

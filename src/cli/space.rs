@@ -59,7 +59,7 @@ struct Add {
     pooled: bool,
 
     /// Weight of the nuisance scatter: 0 knows no nuisance, 1 weighs it as much as the octants
-    #[arg(long, value_name = "W", default_value_t = 0.2, allow_hyphen_values = true)]
+    #[arg(long, value_name = "W", default_value_t = 0.5, allow_hyphen_values = true)]
     nuisance: f64,
 
     /// Coordinates of a point, 1 to 128

@@ -10,7 +10,7 @@
 //! | `paper` | 251 moments of `full@1` | `moment * 255^cells`: the sums per window, the paper's histogram | L1 |
 //! | `zscore` | 251 moments of `full@1` | `(x - mean) / sd`: the plain reading of the paper with normalised features | L2 |
 //! | `oriented` | 251 degree roots of `stretch@1` | likeness, nuisance weight 0, 32 coordinates | L2 |
-//! | `default` | 35 pooled roots of each of seven views | likeness, nuisance weight 0.2, 32 coordinates | L2 |
+//! | `default` | 35 pooled roots of each of seven views | likeness, nuisance weight 0.5, 32 coordinates | L2 |
 //! | `invariant` | the same 245 | likeness, nuisance weight 1, 32 coordinates | L2 |
 //!
 //! *Likeness* needs no label. With `z = (x - mean) / sd`, `T` the scatter of `z` over textures, `O` that of a
