@@ -278,11 +278,6 @@ impl Points {
         into.iter_mut().zip(key.numbers(self.shape.width(), self.shape.has_fine())).for_each(|(to, from)| *to = from);
     }
 
-    /// Whether points have fine keys.
-    pub(super) fn has_fine(&self) -> bool {
-        self.shape.has_fine()
-    }
-
     /// The key of a query, for these points.
     pub(super) fn probe(&self, point: &[f32]) -> Probe {
         Probe::new(self.metric, &self.shape, point, self.reach)

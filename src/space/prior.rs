@@ -13,12 +13,12 @@
 //!
 //! | fitted on | clean | all nuisances | nuisance query, clean store |
 //! |---|---|---|---|
-//! | prior alone | .987 .984 | .885 .920 | .851 .895 |
-//! | prior as 10000, own | .986 .984 | .885 .920 | .857 .898 |
-//! | prior as 3000, own | .986 .984 | .886 .921 | .865 .901 |
-//! | prior as 1000, own | .985 .983 | .893 .921 | .868 .905 |
-//! | **prior as 300, own** | .985 .981 | .905 .924 | .876 .904 |
-//! | own alone (nuisances of the prior) | .981 .977 | .905 .918 | .858 .891 |
+//! | prior alone | .985 .984 | .909 .920 | .883 .895 |
+//! | prior as 10000, own | .985 .984 | .907 .920 | .883 .898 |
+//! | prior as 3000, own | .985 .984 | .909 .921 | .888 .901 |
+//! | prior as 1000, own | .985 .983 | .913 .921 | .890 .905 |
+//! | **prior as 300, own** | .984 .981 | .918 .924 | .895 .904 |
+//! | own alone (nuisances of the prior) | .979 .977 | .914 .918 | .879 .891 |
 //!
 //! 300 leaves a small store to the prior (a store of 30 counts a tenth), and gives a large one nearly all that its own
 //! statistics have.

@@ -101,6 +101,6 @@ fn the_shipped_bytes_are_known() {
     let space = Space::fit(&definition, &Statistics::new(&definition.recipe), None, &prior).unwrap();
     let point = space.point(&features(space.recipe(), &described(1))).unwrap();
     let bits: Vec<u32> = point[..4].iter().map(|coordinate| coordinate.to_bits()).collect();
-    assert_eq!(bits, [1_032_897_167, 1_041_153_989, 1_040_617_328, 3_163_498_590]);
-    assert_eq!(xxhash_rust::xxh3::xxh3_64(bytemuck::cast_slice(&point)), 18_012_090_106_514_346_426);
+    let hash = xxhash_rust::xxh3::xxh3_64(bytemuck::cast_slice(&point));
+    assert_eq!((bits, hash), (vec![1_036_678_897, 1_049_393_595, 1_033_891_628, 3_171_927_937], 14_612_867_029_250_138_542));
 }
