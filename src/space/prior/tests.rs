@@ -102,5 +102,8 @@ fn the_shipped_bytes_are_known() {
     let point = space.point(&features(space.recipe(), &described(1))).unwrap();
     let bits: Vec<u32> = point[..4].iter().map(|coordinate| coordinate.to_bits()).collect();
     let hash = xxhash_rust::xxh3::xxh3_64(bytemuck::cast_slice(&point));
-    assert_eq!((bits, hash), (vec![1_036_678_897, 1_049_393_595, 1_033_891_628, 3_171_927_937], 14_612_867_029_250_138_542));
+    assert_eq!(
+        (bits, hash),
+        (vec![1_036_678_897, 1_049_393_595, 1_033_891_628, 3_171_927_937], 14_612_867_029_250_138_542)
+    );
 }
