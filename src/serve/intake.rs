@@ -11,6 +11,7 @@ use tokio::io::AsyncWriteExt;
 
 use super::guard::too_large;
 use super::problem::Problem;
+use super::settings::Settings;
 use super::state::App;
 use super::textures::parse_filter;
 use crate::ingest::Options;
@@ -113,7 +114,8 @@ const FILES: &str = "files";
 
 /// How files of strangers are read.
 pub(super) fn reading(app: &App) -> ReadOptions {
-    ReadOptions { max_voxels: app.settings.max_voxels, ..ReadOptions::default() }
+    let &Settings { max_voxels, max_inflated, .. } = &app.settings;
+    ReadOptions { max_voxels, max_inflated, ..ReadOptions::default() }
 }
 
 /// `KEY=VALUE` with neither side empty.
