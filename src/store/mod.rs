@@ -59,7 +59,7 @@ pub use progress::{Progress, Report, silent};
 pub use reads::{Counts, Reads, Records};
 pub use record::{Content, Cut, Provenance, Record, RecordedMapping, StoredVoxels, VoxelFilter, path_bytes};
 pub use rows::Rows;
-pub use salvage::Salvaged;
+pub use salvage::{Salvaged, SalvagedSettings};
 pub use sizes::TableSize;
 pub use snapshot::Snapshot;
 pub use transaction::{NewTexture, Transaction};

@@ -96,7 +96,8 @@ fn an_overwritten_page_is_found_or_harmless_and_repair_never_panics() {
         fs::write(&path, &bytes).unwrap();
         match Database::repair(&path, &Default::default(), &()) {
             Ok(report) if report.quarantined.is_empty() => {
-                assert_eq!(told(&path), before, "page {} of {pages}, round {round}", page / 4096);
+                // Not both in full: they are megabytes.
+                assert!(told(&path) == before, "page {} of {pages}, round {round}: {:?}", page / 4096, report.derived);
                 repaired += 1;
             }
             Ok(report) => {
