@@ -51,6 +51,7 @@ pub use compact::CompactReport;
 pub use copy::Copied;
 pub use descriptors::{DESCRIPTOR_ROWS, DescriptorBlock, ViewCode};
 pub use error::{Damage, StoreError};
+pub use guard::panic_is_contained;
 pub use handle::{Options, Store};
 pub use header::{FORMAT_VERSION, Settings, Volumes};
 pub use keys::{MAX_NAME, MAX_TAG_VALUE};
