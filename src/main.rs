@@ -25,11 +25,21 @@ fn main() -> ExitCode {
         Err(error) => error.exit(),
     };
     start_log(arguments.verbose, arguments.quiet);
+    tell_damage_only();
     tracing::info!(kernel = kernel.name(), store = %arguments.store.display(), "hlacdb {}", env!("CARGO_PKG_VERSION"));
     start_threads();
     let mut context = Context::new(arguments.store.clone(), arguments.json, arguments.quiet);
     let result = arguments.run(&mut context);
     ExitCode::from(context.finish(result))
+}
+
+/// What the engine stumbles over in a damaged file is told as damage, in one sentence: its own words go to the log.
+fn tell_damage_only() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| match hlacdb::store::panic_is_contained() {
+        true => tracing::debug!("contained: {panic}"),
+        false => usual(panic),
+    }));
 }
 
 /// Starts the worker threads; where the system grants none, the main thread does their work.

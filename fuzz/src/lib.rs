@@ -2,13 +2,17 @@
 //!
 //! The property is the same everywhere: any bytes give a value or one error, without a panic, within the limits on memory.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock};
 
+use hlacdb::serve::Settings;
+use hlacdb::serve::fuzz::Door;
 use hlacdb::space::{Nuisance, Space, Statistics};
 use hlacdb::synth::Recipe;
-use hlacdb::volume::{self, Endian, Intensity, RawLayout, ReadOptions, SampleType};
+use hlacdb::volume::{self, Endian, Intensity, RawLayout, ReadOptions, SampleType, Volume};
+use hlacdb::{Database, Meta, OpenOptions, Query};
 
 /// Every target by name.
 pub const TARGETS: &[(&str, fn(&[u8]))] = &[
@@ -26,6 +30,8 @@ pub const TARGETS: &[(&str, fn(&[u8]))] = &[
     ("space", space),
     ("recipe", recipe),
     ("list", list),
+    ("filter", filter),
+    ("http", http),
 ];
 
 /// The files that a target's inputs are first made of.
@@ -78,7 +84,7 @@ fn read(name: &str, data: &[u8]) {
     let path = folder().join(name);
     fs::write(&path, data).expect("the input as a file");
     for intensity in [Intensity::Full, Intensity::Auto] {
-        survives(&path, &ReadOptions { intensity, max_voxels: LIMIT, raw: None });
+        survives(&path, &ReadOptions { intensity, max_voxels: LIMIT, ..ReadOptions::default() });
     }
 }
 
@@ -136,7 +142,7 @@ pub fn raw(data: &[u8]) {
     let path = folder().join("bare.raw");
     fs::write(&path, rest).expect("the input as a file");
     let raw = Some(RawLayout { shape, samples, endian, offset: u64::from(offset) });
-    survives(&path, &ReadOptions { intensity: Intensity::Full, max_voxels: LIMIT, raw });
+    survives(&path, &ReadOptions { intensity: Intensity::Full, max_voxels: LIMIT, raw, ..ReadOptions::default() });
 }
 
 /// A folder of slices: three pictures, the input among them.
@@ -149,7 +155,7 @@ pub fn slices(data: &[u8]) {
         let _ = fs::remove_file(path.join(format!("{name}.{other}")));
         fs::write(path.join(format!("{name}.{ending}")), data).expect("the input as a file");
     }
-    survives(&path, &ReadOptions { intensity: Intensity::Full, max_voxels: LIMIT, raw: None });
+    survives(&path, &ReadOptions { intensity: Intensity::Full, max_voxels: LIMIT, ..ReadOptions::default() });
 }
 
 /// Values of a store: frames, records, rows, descriptors, points, sums, keys.
@@ -185,4 +191,82 @@ pub fn recipe(data: &[u8]) {
 /// The list of an export of whole textures.
 pub fn list(data: &[u8]) {
     hlacdb::fuzz_list(data);
+}
+
+/// The tags of the small store: what a filter could mistake for one another.
+const TAGS: &[(&str, &str)] = &[
+    ("kind", "ball"),
+    ("kind", "stripes"),
+    ("kin", "d=ball"),
+    ("site", "a=b"),
+    ("site", " "),
+    ("\u{1f9f1}", "caf\u{e9}"),
+    ("a", "b"),
+    ("a", "b="),
+    ("aa", "b"),
+];
+
+/// A small store that is only read, one texture a tag.
+fn small() -> Database {
+    let path = folder().join("store").join("textures.hlacdb");
+    if !path.exists() {
+        fs::create_dir_all(folder().join("store")).expect("a folder for the store");
+        let database = Database::open(&path).expect("a store");
+        for (number, &(key, value)) in TAGS.iter().enumerate() {
+            let voxel = |z, y, x| ((z * (number + 2) + y * 5 + x * x) * 7 % 256) as u8;
+            let volume = Volume::from_fn([8, 8, 8 + number % 3], voxel).expect("a volume");
+            database.add(&volume, Meta::named(format!("texture {number}")).tag(key, value)).expect("a texture");
+        }
+    }
+    OpenOptions::new().read_only(true).open(&path).expect("the store")
+}
+
+/// `--where KEY=VALUE`, one a line: what is found is what looking at every texture finds.
+pub fn filter(data: &[u8]) {
+    static STORE: OnceLock<Database> = OnceLock::new();
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    let store = STORE.get_or_init(small);
+    let filters: Vec<_> = text.lines().filter_map(hlacdb::serve::fuzz::filter).collect();
+    let fits = |(key, value): &(&str, &str)| filters.iter().all(|(k, v)| (k, v) == (&(*key).to_owned(), &(*value).to_owned()));
+    let expected: BTreeSet<u64> = (1..).zip(TAGS).filter(|(_, tag)| fits(tag)).map(|(id, _)| id).collect();
+    let listed = store.textures(&filters).expect("a filter only finds or finds nothing");
+    assert_eq!(listed.iter().map(|texture| texture.id).collect::<BTreeSet<_>>(), expected, "{filters:?}");
+    let query = filters.iter().fold(Query::texture(1).k(TAGS.len()), |query, (key, value)| query.filter(key, value));
+    let answer = store.query(&query).expect("a filter only finds or finds nothing");
+    assert_eq!(answer.hits.iter().map(|hit| hit.id).collect::<BTreeSet<_>>(), expected, "{filters:?}");
+}
+
+/// Requests to the server, each as its text: any answer will do but the server's own failure, or a path of this machine.
+/// `UPLOAD` stands for the token of the volume that was asked with last.
+pub fn http(data: &[u8]) {
+    static DOOR: OnceLock<Mutex<(Door, Vec<u8>)>> = OnceLock::new();
+    let opened = || {
+        let settings = Settings { read_only: true, max_voxels: LIMIT, max_body: 1 << 20, ..Settings::default() };
+        Mutex::new((Door::open(small(), settings).expect("a server"), b"UPLOAD".to_vec()))
+    };
+    let mut held = DOOR.get_or_init(opened).lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let (door, token) = &mut *held;
+    let request = replaced(data, b"UPLOAD", token);
+    let Some((status, body)) = door.answer(&request) else { return };
+    assert!(status < 500, "{status}: {}", String::from_utf8_lossy(&body));
+    for path in [folder().to_path_buf(), std::env::temp_dir().join("hlacdb-")] {
+        let path = path.to_string_lossy();
+        let told = position(&body, path.as_bytes()).is_some() && position(&request, path.as_bytes()).is_none();
+        assert!(!told, "a path of this machine: {}", String::from_utf8_lossy(&body));
+    }
+    if let (200, Some(at)) = (status, position(&body, b"{\"token\":\"")) {
+        let rest = &body[at + 10..];
+        *token = rest[..position(rest, b"\"").unwrap_or(0)].to_vec();
+    }
+}
+
+fn position(text: &[u8], part: &[u8]) -> Option<usize> {
+    text.windows(part.len()).position(|window| window == part)
+}
+
+fn replaced(text: &[u8], part: &[u8], by: &[u8]) -> Vec<u8> {
+    match position(text, part) {
+        Some(at) => [&text[..at], by, &text[at + part.len()..]].concat(),
+        None => text.to_vec(),
+    }
 }

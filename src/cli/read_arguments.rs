@@ -20,6 +20,10 @@ pub(crate) struct ReadArguments {
     #[arg(long, value_name = "N", default_value_t = ReadOptions::default().max_voxels, value_parser = whole::<u64>)]
     max_voxels: u64,
 
+    /// Refuse a compressed file whose samples would take more bytes of memory than this, and more than 16 times its own
+    #[arg(long, value_name = "BYTES", default_value_t = ReadOptions::default().max_inflated, value_parser = whole::<u64>)]
+    max_inflated: u64,
+
     /// Files named .raw, .bin or .dat, and files of no known kind, are bare samples of this shape
     #[arg(long, value_name = "Z,Y,X", requires = "raw_type")]
     raw_shape: Option<RawShape>,
@@ -67,7 +71,7 @@ impl ReadArguments {
             }
             _ => None,
         };
-        ReadOptions { intensity: self.intensity, max_voxels: self.max_voxels, raw }
+        ReadOptions { intensity: self.intensity, max_voxels: self.max_voxels, max_inflated: self.max_inflated, raw }
     }
 }
 

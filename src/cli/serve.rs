@@ -45,6 +45,10 @@ pub(crate) struct Serve {
     #[arg(long, value_name = "N", default_value_t = Settings::default().max_voxels)]
     max_voxels: u64,
 
+    /// The most bytes that an upload may take in memory whose samples are more than 16 times its own bytes
+    #[arg(long, value_name = "BYTES", default_value_t = Settings::default().max_inflated)]
+    max_inflated: u64,
+
     /// How long a request may take, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     time: u64,
@@ -72,6 +76,7 @@ impl Serve {
             ingest_folder: self.ingest_folder,
             max_body: self.max_body,
             max_voxels: self.max_voxels,
+            max_inflated: self.max_inflated,
             time: Duration::from_secs(self.time),
             connections: self.connections as usize,
             concurrency: self.concurrency.unwrap_or(0) as usize,

@@ -30,6 +30,12 @@ pub(super) fn definitions(settings: &Settings) -> Vec<Definition> {
     definitions
 }
 
+/// Writes a definition into the settings.
+pub(super) fn set_down(settings: &mut Settings, definition: &Definition) -> serde_json::Result<()> {
+    settings.further.insert(format!("{SETTING}{}", definition.name), serde_json::to_string(definition)?);
+    Ok(())
+}
+
 impl Database {
     /// Adds a space of one's own and fits it on all there is. Where no other space has its features, every texture is
     /// looked at once: octants are described from the voxels that are kept.
@@ -42,10 +48,9 @@ impl Database {
         definition.check()?;
         self.change(|transaction, books| {
             check_room(transaction, definition)?;
-            let text = serde_json::to_string(definition)
-                .map_err(|error| Error::io("writing the space's definition", error.into()))?;
             let mut settings = transaction.settings().clone();
-            settings.further.insert(format!("{SETTING}{}", definition.name), text);
+            set_down(&mut settings, definition)
+                .map_err(|error| Error::io("writing the space's definition", error.into()))?;
             transaction.put_settings(settings)?;
             if !books.all().iter().any(|kept| *kept.recipe() == definition.recipe) {
                 rebuild(transaction, books, &Rewrite::These(&Default::default()), progress)?;

@@ -2,7 +2,7 @@
 //!
 //! Nothing that the damaged file holds is changed (opening it for writing, which keeps others from doing so, rewrites the
 //! engine's own bookkeeping). What is whole of it goes into a new store; what other entries tell (hashes, tags,
-//! rows, counters from records; moments and sums from voxels; statistics from both; spaces and points from statistics
+//! rows, counters from records; settings from statistics and spaces; moments and sums from voxels; statistics from both; spaces and points from statistics
 //! and moments) is derived again; the new store is verified, takes the old one's name, and the old file is kept beside it.
 //!
 //! A texture whose record or moments nothing can tell is *quarantined*: it keeps its id and whatever is left of it, is
@@ -19,10 +19,12 @@ use super::quarantine::{self, Quarantined};
 use super::rebuild::{Rewrite, describe_anew, rebuild};
 use super::spaces::{fit, keep_points, next_epoch};
 use super::verify::{Bridge, DamageReport, cancelled};
-use super::{Database, OpenOptions};
+use super::{Database, OpenOptions, own_spaces};
 use crate::error::Error;
+use crate::hlac::View;
 use crate::progress::Progress;
-use crate::store::{Options, Reads, Salvaged, Store, StoreError};
+use crate::space::{Definition, Space};
+use crate::store::{Options, Reads, Salvaged, SalvagedSettings, Settings, Store, StoreError, ViewCode};
 use crate::volume::display_path;
 
 /// How [`Database::repair`] goes about it.
@@ -94,7 +96,8 @@ fn restore(path: &Path, passing: &Path, progress: &dyn Progress) -> Result<Resto
         return Err(Error::io(format!("removing {}", display_path(passing)), source));
     }
     let old = Options::default().open_damaged(path)?;
-    let settings = old.salvaged_settings()?;
+    let told = old.salvaged_settings()?;
+    let settings = settings(&told);
     let salvaged = {
         let target = Store::create(passing, &settings)?;
         let mut bridge = Bridge::new(progress);
@@ -102,6 +105,7 @@ fn restore(path: &Path, passing: &Path, progress: &dyn Progress) -> Result<Resto
     };
     let database = OpenOptions::new().create(false).open(passing)?;
     let mut derived = salvaged.derived.clone();
+    count(&mut derived, "settings", u64::from(told.lost));
     let lost = derive(&database, &salvaged, &mut derived, progress)?;
     let left = database.verify(false, progress)?.damage;
     let quarantined = quarantine::listed(&database.store().read()?)?;
@@ -112,6 +116,28 @@ fn restore(path: &Path, passing: &Path, progress: &dyn Progress) -> Result<Resto
         Some(damage) => Err(damage.into_error()),
         None => Ok((derived, quarantined)),
     }
+}
+
+/// The settings. Where they are lost the names of statistics tell the views, those included that no texture is large enough
+/// for, and fitted spaces of the user's own tell their definitions.
+fn settings(told: &SalvagedSettings) -> Settings {
+    let mut settings = told.settings.clone();
+    if !told.lost {
+        return settings;
+    }
+    let mut views: BTreeSet<ViewCode> = settings.views.iter().copied().collect();
+    let listed = told.statistics.iter().filter_map(|name| name.rsplit_once(':')).flat_map(|(_, list)| list.split(','));
+    views.extend(listed.filter_map(|name| name.parse::<View>().ok()).map(|view| ViewCode(view.code())));
+    settings.views = views.into_iter().collect();
+    for space in told.spaces.values().filter_map(|bytes| Space::decode(bytes).ok()) {
+        let definition = space.definition();
+        if Definition::built_in(&definition.name).is_none()
+            && let Err(error) = own_spaces::set_down(&mut settings, definition)
+        {
+            tracing::warn!(%error, "the space {} is lost with the settings", definition.name);
+        }
+    }
+    settings
 }
 
 /// What can be derived again, in one transaction. Returns the textures of which something is lost.

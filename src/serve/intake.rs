@@ -11,6 +11,7 @@ use tokio::io::AsyncWriteExt;
 
 use super::guard::too_large;
 use super::problem::Problem;
+use super::settings::Settings;
 use super::state::App;
 use super::textures::parse_filter;
 use crate::ingest::Options;
@@ -20,8 +21,8 @@ use crate::volume::{self, ReadOptions};
 const MOST_FILES: usize = 10_000;
 /// ... and so many bytes one of its fields.
 const LONGEST_FIELD: usize = 1 << 20;
-/// So many characters of a file's name are kept.
-const LONGEST_NAME: usize = 120;
+/// So many bytes of a file's name are kept: file systems take 255.
+const LONGEST_NAME: usize = 240;
 
 /// The files and fields of a form.
 pub(super) struct Intake {
@@ -54,7 +55,7 @@ impl Intake {
             // A second file of the same name gets a folder of its own.
             let mut place = folder.path().join(FILES);
             if !taken.insert(name.clone()) {
-                place.push(names.len().to_string());
+                place.push(untaken(&mut taken));
             }
             tokio::fs::create_dir_all(&place).await.map_err(failed)?;
             write(field, &place.join(&name)).await.map_err(|error| refused_field(app, error))?;
@@ -113,7 +114,8 @@ const FILES: &str = "files";
 
 /// How files of strangers are read.
 pub(super) fn reading(app: &App) -> ReadOptions {
-    ReadOptions { max_voxels: app.settings.max_voxels, ..ReadOptions::default() }
+    let &Settings { max_voxels, max_inflated, .. } = &app.settings;
+    ReadOptions { max_voxels, max_inflated, ..ReadOptions::default() }
 }
 
 /// `KEY=VALUE` with neither side empty.
@@ -154,9 +156,18 @@ fn safe_name(given: &str) -> String {
         last.chars().map(|letter| if letter.is_control() || letter == ':' { '_' } else { letter }).collect();
     let clean = clean.trim_start_matches('.').trim();
     // The end of a name says what the file is: of a long one, the beginning goes.
-    let letters: Vec<char> = clean.chars().collect();
-    let kept: String = letters.iter().skip(letters.len().saturating_sub(LONGEST_NAME)).collect();
-    if kept.is_empty() { "file".to_owned() } else { kept }
+    let from = clean.ceil_char_boundary(clean.len().saturating_sub(LONGEST_NAME));
+    let kept = clean.get(from..).unwrap_or_default().trim_start_matches('.').trim();
+    if kept.is_empty() { "file".to_owned() } else { kept.to_owned() }
+}
+
+/// A name for a folder beside the files that no file among them has, or will have.
+fn untaken(taken: &mut HashSet<String>) -> String {
+    let mut number = taken.len();
+    while !taken.insert(number.to_string()) {
+        number += 1;
+    }
+    number.to_string()
 }
 
 /// What the names of a stack's slices share: `core` for `core_001.png`, `core_002.png`.
@@ -240,8 +251,10 @@ mod tests {
         ] {
             assert_eq!(safe_name(given), kept, "{given:?}");
         }
-        let long = safe_name(&format!("{}.nii.gz", "ß".repeat(500)));
-        assert!(long.ends_with("ß.nii.gz") && long.len() < 255);
+        for letter in ["ß", "石", "🪨", "."] {
+            let long = safe_name(&format!("{}a.nii.gz", letter.repeat(500)));
+            assert!(long.ends_with("a.nii.gz") && long.len() < 255 && !long.starts_with('.'), "{long}");
+        }
     }
 
     #[test]

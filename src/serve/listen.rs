@@ -142,7 +142,7 @@ impl Server {
 }
 
 /// Everything that is answered.
-fn router(app: &Arc<App>) -> Router {
+pub(super) fn router(app: &Arc<App>) -> Router {
     // Pictures are compressed already, and voxels are read on the same machine as a rule.
     let worth_it = DefaultPredicate::new().and(NotForContentType::const_new("application/octet-stream"));
     let compression = CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(worth_it);

@@ -11,6 +11,10 @@
 //! from a program, but not from another site's page in the same browser.
 
 mod assets;
+#[cfg(feature = "fuzz")]
+#[doc(hidden)]
+#[allow(clippy::panic, reason = "the fuzzer is told by a panic")]
+pub mod fuzz;
 mod guard;
 mod insight;
 mod intake;

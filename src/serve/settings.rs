@@ -27,6 +27,8 @@ pub struct Settings {
     pub max_body: u64,
     /// The most voxels of an uploaded volume.
     pub max_voxels: u64,
+    /// The most bytes that an upload which is compressed far more than ordinary scans may take in memory.
+    pub max_inflated: u64,
     /// How long a request may take until its answer begins.
     pub time: Duration,
     /// Connections at once.
@@ -38,7 +40,7 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// A free port of the loopback address, no token, 1 GiB of body, 2^28 voxels, 60 seconds, 1024 connections.
+    /// A free port of the loopback address, no token, 1 GiB of body, plain or inflated, 2^28 voxels, 60 seconds, 1024 connections.
     fn default() -> Self {
         Self {
             address: SocketAddr::from(([127, 0, 0, 1], 0)),
@@ -47,6 +49,7 @@ impl Default for Settings {
             ingest_folder: None,
             max_body: 1 << 30,
             max_voxels: 1 << 28,
+            max_inflated: 1 << 30,
             time: Duration::from_secs(60),
             connections: 1024,
             concurrency: 0,

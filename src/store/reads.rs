@@ -99,7 +99,12 @@ pub trait Reads: sealed::Source {
     fn tagged(&self, key: &str, value: &str) -> Result<Vec<u64>, StoreError> {
         guarded("tags", || {
             let mut ids = Vec::new();
-            each_tag(self.tables(), &keys::tag_prefix(key, Some(value)), |_, _, id| ids.push(id))?;
+            // A key or value with a NUL in it, which no tag has, may be the beginning of another tag's entry.
+            each_tag(self.tables(), &keys::tag_prefix(key, Some(value)), |one, held, id| {
+                if (one, held) == (key, value) {
+                    ids.push(id);
+                }
+            })?;
             Ok(ids)
         })
     }
@@ -108,7 +113,8 @@ pub trait Reads: sealed::Source {
     fn tag_values(&self, key: &str) -> Result<Vec<(String, u64)>, StoreError> {
         guarded("tags", || {
             let mut values: Vec<(String, u64)> = Vec::new();
-            each_tag(self.tables(), &keys::tag_prefix(key, None), |_, value, _| match values.last_mut() {
+            each_tag(self.tables(), &keys::tag_prefix(key, None), |one, value, _| match values.last_mut() {
+                _ if one != key => {}
                 Some((last, count)) if last == value => *count += 1,
                 _ => values.push((value.to_owned(), 1)),
             })?;

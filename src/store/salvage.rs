@@ -44,6 +44,19 @@ pub struct Salvaged {
     pub blobs_lost: BTreeSet<(&'static str, String)>,
 }
 
+/// What is told of the settings of a store that may be damaged.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SalvagedSettings {
+    /// The settings; where they are lost, only the views that there are numbers of.
+    pub settings: Settings,
+    /// Whether they are lost.
+    pub lost: bool,
+    /// The names of all statistics that there are.
+    pub statistics: BTreeSet<String>,
+    /// The spaces that are whole, by name.
+    pub spaces: BTreeMap<String, Vec<u8>>,
+}
+
 /// A value, as far as it can be had.
 enum Found {
     /// Its bytes; whether they are whole is another question.
@@ -64,12 +77,18 @@ impl Found {
 }
 
 impl Store {
-    /// The settings of a store that may be damaged: those that can be read, else the views that there are numbers of.
+    /// The settings of a store that may be damaged, and what else tells of them.
     ///
     /// # Errors
     /// [`StoreError::Damage`] where the engine cannot even begin to read the file.
-    pub fn salvaged_settings(&self) -> Result<Settings, StoreError> {
-        self.with_damaged(|old| Ok(old.settings()))
+    pub fn salvaged_settings(&self) -> Result<SalvagedSettings, StoreError> {
+        self.with_damaged(|old| {
+            let (statistics, _) = old.names(blob::STATISTICS);
+            let (spaces, _) = old.names(blob::SPACES);
+            let whole = |name: String| old.blob(blob::SPACES, &name).map(|bytes| (name, bytes));
+            let spaces = spaces.into_iter().filter_map(whole).collect();
+            Ok(SalvagedSettings { settings: old.settings(), lost: old.kept_settings().is_none(), statistics, spaces })
+        })
     }
 
     /// Copies what is whole of this store into `target`, which must be new and empty, in one transaction. Ids stay.
@@ -152,18 +171,36 @@ impl Damaged<'_> {
         frame::open(Kind::State, KEY_STATE, &bytes).and_then(codec::decode).ok()
     }
 
+    fn kept_settings(self) -> Option<Settings> {
+        let bytes = self.get(keys::META, KEY_SETTINGS).bytes()?;
+        frame::open(Kind::Settings, KEY_SETTINGS, &bytes).and_then(codec::decode).ok()
+    }
+
+    /// Those that are kept, else the views that there are numbers of.
     fn settings(self) -> Settings {
-        let kept = self.get(keys::META, KEY_SETTINGS).bytes();
-        let kept = kept.and_then(|bytes| {
-            frame::open(Kind::Settings, KEY_SETTINGS, &bytes).and_then(codec::decode::<Settings>).ok()
-        });
-        kept.unwrap_or_else(|| {
+        self.kept_settings().unwrap_or_else(|| {
             let mut views = BTreeSet::new();
             self.each(keys::DESCRIPTORS, |(view, _), _| {
                 views.insert(ViewCode(view));
             });
             Settings { views: views.into_iter().collect(), ..Settings::default() }
         })
+    }
+
+    /// The names of the blobs of a table; whether they are all.
+    fn names(self, blobs: blob::Blobs) -> (BTreeSet<String>, bool) {
+        let mut names = BTreeSet::new();
+        let whole = self.each(blobs.table, |key, _| {
+            names.insert(keys::parse_piece(key).map_or("?", |(name, _)| name).to_owned());
+        });
+        (names, whole)
+    }
+
+    /// A blob that is whole.
+    fn blob(self, blobs: blob::Blobs, name: &str) -> Option<Vec<u8>> {
+        let state = State::EMPTY;
+        let tables = Tables { source: self.source, state: &state, open: None };
+        guarded(blobs.name, || blobs.get(tables, name)).ok().flatten()
     }
 
     fn record(self, id: u64) -> (Found, Option<Record>) {
@@ -461,19 +498,14 @@ impl Salvage<'_> {
     }
 
     fn blobs(&mut self, new: &mut Transaction, blobs: blob::Blobs) -> Result<(), StoreError> {
-        let state = State::EMPTY;
-        let tables = Tables { source: self.old.source, state: &state, open: None };
-        let mut names = BTreeSet::new();
-        let whole = self.old.each(blobs.table, |key, _| {
-            names.insert(keys::parse_piece(key).map_or("?", |(name, _)| name).to_owned());
-        });
+        let (names, whole) = self.old.names(blobs);
         if !whole {
             self.found.blobs_lost.insert((blobs.name, "?".into()));
         }
         for name in names {
-            match guarded(blobs.name, || blobs.get(tables, &name)) {
-                Ok(Some(bytes)) => new.put_blob(blobs, &name, &bytes)?,
-                Ok(None) | Err(_) => {
+            match self.old.blob(blobs, &name) {
+                Some(bytes) => new.put_blob(blobs, &name, &bytes)?,
+                None => {
                     self.found.blobs_lost.insert((blobs.name, name));
                 }
             }

@@ -35,6 +35,17 @@ pub(super) fn open(path: &Path) -> Result<File, VolumeError> {
     File::open(path).map_err(io)
 }
 
+/// What a compressed file of ordinary samples shrinks to at most: a sixteenth.
+const ORDINARY: u64 = 16;
+
+/// Checks, before memory is taken, that a compressed file of `length` bytes may become samples of `bytes` bytes.
+pub(super) fn may_inflate(bytes: u128, length: u64, limit: u64) -> Result<(), VolumeError> {
+    if bytes > u128::from(limit.max(length.saturating_mul(ORDINARY))) {
+        return Err(VolumeError::Inflated { bytes, limit });
+    }
+    Ok(())
+}
+
 /// Exactly `expected` bytes. `what` names their encoding in an error, e.g. `the gzip data`.
 pub(super) fn exactly(reader: impl Read, expected: u64, what: &'static str) -> Result<Vec<u8>, VolumeError> {
     let mut bytes = Vec::new();

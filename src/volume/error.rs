@@ -32,6 +32,16 @@ pub enum VolumeError {
         /// The limit in force.
         limit: u64,
     },
+    /// Compressed samples would take more memory than the caller allows, and far more than the file has bytes.
+    #[error(
+        "the header promises samples of {bytes} bytes, far more than the compressed file holds and more than the limit of {limit}: raise --max-inflated if the file is right"
+    )]
+    Inflated {
+        /// Bytes of the samples once unpacked.
+        bytes: u128,
+        /// The limit in force.
+        limit: u64,
+    },
     /// The number of voxel bytes does not fit the shape and channels.
     #[error("{found} voxel bytes were given, but shape and channels need {expected}")]
     Length {

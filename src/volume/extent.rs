@@ -209,11 +209,25 @@ impl Extent {
     /// The volume, and where it came from.
     ///
     /// # Errors
-    /// [`VolumeError::Truncated`], [`VolumeError::Decode`], [`VolumeError::Malformed`] and [`VolumeError::Io`] while
-    /// reading; those of [`Samples::into_volume`].
+    /// [`VolumeError::Inflated`] beforehand; [`VolumeError::Truncated`], [`VolumeError::Decode`],
+    /// [`VolumeError::Malformed`] and [`VolumeError::Io`] while reading; those of [`Samples::into_volume`].
     pub(super) fn read(&self, options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
-        let bytes = self.load(decode::open(&self.file)?)?;
+        let file = decode::open(&self.file)?;
+        if matches!(self.encoding, Encoding::Gzip | Encoding::Zlib | Encoding::Bzip2) {
+            self.may_inflate(options)?;
+        }
+        let bytes = self.load(file)?;
         self.finish(bytes, options)
+    }
+
+    /// Checks that the samples, which are compressed, may take the memory that they need.
+    ///
+    /// # Errors
+    /// [`VolumeError::Inflated`], and [`VolumeError::Io`] where the file's length is not to be had.
+    pub(super) fn may_inflate(&self, options: &ReadOptions) -> Result<(), VolumeError> {
+        let io = |source| VolumeError::Io { doing: "finding the samples", source };
+        let length = std::fs::metadata(&self.file).map_err(io)?.len();
+        decode::may_inflate(self.bytes().into(), length, options.max_inflated)
     }
 
     /// As [`read`](Self::read), of a stream that stands at the first sample.

@@ -4,13 +4,14 @@
 //! again; so are bytes that are no file at all, under every name. A small `max_voxels` bounds what a lying header may ask
 //! for, so a run of thousands stays fast.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
 use proptest::sample::Index;
 
 use super::testing::{Folder, gzip};
-use super::{Endian, Intensity, RawLayout, ReadOptions, SampleType, read};
+use super::{Endian, Intensity, RawLayout, ReadOptions, SampleType, VolumeError, read};
 
 const LIMIT: u64 = 1 << 16;
 
@@ -92,7 +93,7 @@ fn damage() -> impl Strategy<Value = Damage> {
 fn survives(path: &Path, intensity: Intensity) {
     let raw = RawLayout { shape: [5, 7, 9], samples: SampleType::F16, endian: Endian::Big, offset: 3 };
     for raw in [None, Some(raw)] {
-        match read(path, &ReadOptions { intensity, max_voxels: LIMIT, raw }) {
+        match read(path, &ReadOptions { intensity, max_voxels: LIMIT, raw, ..ReadOptions::default() }) {
             Ok((volume, _)) => assert!(volume.voxels().len() as u64 <= 3 * LIMIT),
             Err(error) => assert!(!error.to_string().contains('\n'), "one sentence, one line: {error}"),
         }
@@ -137,5 +138,79 @@ proptest! {
     ) {
         let folder = Folder::new();
         survives(&folder.write(&format!("a{ending}"), [start, &rest].concat()), Intensity::Full);
+    }
+}
+
+/// Files in every packed format whose header promises 3 x 40 x 50 voxels of `u8`, and whose data inflate to `more` bytes
+/// of zeros.
+fn packed(folder: &Folder, more: usize) -> Vec<PathBuf> {
+    let data = vec![0; more];
+    let nrrd = |encoding: &str, data: Vec<u8>| {
+        let header = format!("NRRD0004\ntype: uchar\ndimension: 3\nsizes: 50 40 3\nencoding: {encoding}\n\n");
+        [header.into_bytes(), data].concat()
+    };
+    let mut bzip2 = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::fast());
+    bzip2.write_all(&data).unwrap();
+    let mut zlib = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+    zlib.write_all(&data).unwrap();
+    let metaimage =
+        "NDims = 3\nDimSize = 50 40 3\nElementType = MET_UCHAR\nCompressedData = True\nElementDataFile = LOCAL\n";
+    let mut nifti = vec![0; 352];
+    nifti[..4].copy_from_slice(&348_u32.to_le_bytes());
+    for (axis, length) in [3_i16, 50, 40, 3, 1, 1, 1, 1].into_iter().enumerate() {
+        nifti[40 + 2 * axis..42 + 2 * axis].copy_from_slice(&length.to_le_bytes());
+    }
+    nifti[70] = 2;
+    nifti[108..112].copy_from_slice(&352_f32.to_le_bytes());
+    nifti[344..348].copy_from_slice(b"n+1\0");
+    let header = "{'descr': '|u1', 'fortran_order': False, 'shape': (3, 40, 50), }\n";
+    let npy = [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), &data].concat();
+    let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let deflated = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Deflated);
+    zip.start_file("a.npy", deflated).unwrap();
+    zip.write_all(&npy).unwrap();
+    vec![
+        folder.write("gzip.nrrd", nrrd("gzip", gzip(&data))),
+        folder.write("bzip2.nrrd", nrrd("bzip2", bzip2.finish().unwrap())),
+        folder.write("zlib.mha", [metaimage.as_bytes(), &zlib.finish().unwrap()].concat()),
+        folder.write("gzip.nii.gz", gzip(&[nifti, data.clone()].concat())),
+        folder.write("zip.npz", zip.finish().unwrap().into_inner()),
+    ]
+}
+
+/// What follows the promised samples is not inflated: of each of these 64 MiB, 6000 bytes and what a decoder reads ahead.
+#[test]
+fn no_more_is_inflated_than_the_header_promises() {
+    let folder = Folder::new();
+    for path in packed(&folder, 1 << 26) {
+        let limited = ReadOptions { max_inflated: 6000, max_voxels: 6000, ..ReadOptions::default() };
+        let (volume, _) = read(&path, &limited).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(volume.shape(), [3, 40, 50]);
+        assert!(volume.into_voxels().capacity() < 1 << 20, "{}", path.display());
+    }
+}
+
+#[test]
+fn a_small_file_of_much_nothing_is_refused_before_it_takes_memory() {
+    let folder = Folder::new();
+    let slices = folder.path().join("slices");
+    std::fs::create_dir(&slices).unwrap();
+    for n in 0..3 {
+        image::GrayImage::new(500, 400).save(slices.join(format!("{n}.png"))).unwrap();
+    }
+    let mut paths = packed(&folder, 6000);
+    paths.push(slices);
+    for path in paths {
+        let limited = |max_inflated| read(&path, &ReadOptions { max_inflated, ..ReadOptions::default() });
+        let error = limited(5999).unwrap_err();
+        assert!(matches!(error.error, VolumeError::Inflated { limit: 5999, .. }), "{error}");
+        assert!(error.to_string().contains("--max-inflated"), "{error}");
+        assert!(limited(600_000).is_ok(), "{}", path.display());
+    }
+    // What is not packed, or no more than ordinary scans are, may be as large as it is.
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+    for name in ["volumes/deep_nifti1_gz.nii.gz", "volumes/deep.npy", "pictures/deflate.tif", "pictures/plain.tif"] {
+        let options = ReadOptions { max_inflated: 0, ..ReadOptions::default() };
+        assert!(read(&fixtures.join(name), &options).is_ok(), "{name}");
     }
 }

@@ -10,7 +10,7 @@
 use std::io::{self, BufReader, ErrorKind, Read};
 use std::path::Path;
 
-use zip::ZipArchive;
+use zip::{CompressionMethod, ZipArchive};
 
 use super::extent::{Axes, Axis, Encoding, Extent, Start, dense};
 use super::levels::Scaling;
@@ -94,6 +94,9 @@ pub(super) fn read_archive(path: &Path, options: &ReadOptions) -> Result<(Volume
     let array = header.array(path, FileKind::Npz, options.max_voxels)?;
     let mut entry = archive.by_index(*index).map_err(damaged)?;
     Header::read(&mut entry)?;
+    if entry.compression() != CompressionMethod::Stored {
+        array.extent.may_inflate(options)?;
+    }
     let (volume, source) = array.extent.read_from(entry, options)?;
     Ok((array.finish(volume)?, source))
 }

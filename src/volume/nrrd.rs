@@ -449,8 +449,10 @@ mod tests {
         assert!(matches!(refused(endless.into_bytes()), VolumeError::Malformed { .. }));
         let large = nrrd("type: uchar\nencoding: gzip\nsizes: 99999 99999 99999\n", &gzip(&[0; 9]));
         assert!(matches!(refused(large), VolumeError::TooLarge { .. }));
+        let lying = nrrd("type: double\nencoding: gzip\nendian: big\nsizes: 500 500 500\n", &gzip(&[0; 9]));
+        assert!(matches!(refused(lying), VolumeError::Truncated { expected: 1_000_000_000, found: 9 }));
         let lying = nrrd("type: double\nencoding: gzip\nendian: big\nsizes: 1500 1500 1500\n", &gzip(&[0; 9]));
-        assert!(matches!(refused(lying), VolumeError::Truncated { expected: 27_000_000_000, found: 9 }));
+        assert!(matches!(refused(lying), VolumeError::Inflated { bytes: 27_000_000_000, .. }));
     }
 
     #[test]

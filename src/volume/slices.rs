@@ -49,6 +49,8 @@ pub(super) fn of_folder(folder: &Path) -> io::Result<Vec<PathBuf>> {
 /// The volume in a folder of slices.
 pub(super) fn read(folder: &Path, options: &ReadOptions) -> Result<(Volume, Source), VolumeError> {
     let mut stack = Stack::open(folder, options)?;
+    let length = stack.paths.iter().filter_map(|path| Some(fs::metadata(path).ok()?.len())).sum();
+    decode::may_inflate(stack.paths.len() as u128 * stack.format.bytes(), length, options.max_inflated)?;
     let mut bytes = Vec::new();
     stack.next(stack.paths.len(), &mut bytes)?;
     let Format { channels, ty, .. } = stack.format;

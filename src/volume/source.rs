@@ -143,6 +143,11 @@ pub struct ReadOptions {
     pub intensity: Intensity,
     /// The most voxels a header may promise; checked before memory is taken.
     pub max_voxels: u64,
+    /// The most bytes that the samples of a compressed file may take in memory, where the file is read whole and they are
+    /// more than 16 times as many as it has itself; checked before memory is taken. What is not compressed takes no more
+    /// than the file has, and ordinary scans shrink to no less than a sixteenth: this is for files made to exhaust the
+    /// machine, and for very empty ones.
+    pub max_inflated: u64,
     /// The layout of files that are nothing but samples; `None`: such files are of unknown kind.
     pub raw: Option<RawLayout>,
 }
@@ -150,11 +155,18 @@ pub struct ReadOptions {
 impl ReadOptions {
     /// The default of [`max_voxels`](Self::max_voxels): 2^32.
     pub const MAX_VOXELS: u64 = 1 << 32;
+    /// The default of [`max_inflated`](Self::max_inflated): 2^32 bytes.
+    pub const MAX_INFLATED: u64 = 1 << 32;
 }
 
 impl Default for ReadOptions {
     fn default() -> Self {
-        Self { intensity: Intensity::default(), max_voxels: Self::MAX_VOXELS, raw: None }
+        Self {
+            intensity: Intensity::default(),
+            max_voxels: Self::MAX_VOXELS,
+            max_inflated: Self::MAX_INFLATED,
+            raw: None,
+        }
     }
 }
 

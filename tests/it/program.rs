@@ -436,32 +436,28 @@ fn a_second_writer_is_refused_and_readers_go_on() {
     assert_eq!(place.json(&["show", "1"])["tags"]["a"], "b", "readers follow the writer's commits");
 }
 
-#[test]
-fn a_closed_pipe_is_no_failure() {
-    let place = Place::new();
+/// What a command says whose answer nobody reads.
+fn into_a_closed_pipe(arguments: &[&str]) -> Output {
     let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("hlacdb"))
-        .args(["masks"])
-        .current_dir(place.folder.path())
+        .args(arguments)
         .stdout(std::process::Stdio::piped())
         .stderr(std::process::Stdio::piped())
         .spawn()
         .unwrap();
     drop(child.stdout.take());
-    let output = child.wait_with_output().unwrap();
+    child.wait_with_output().unwrap()
+}
+
+#[test]
+fn a_closed_pipe_is_no_failure() {
+    let output = into_a_closed_pipe(&["masks"]);
     assert!(output.stderr.is_empty(), "{}", stderr(&output));
 }
 
 /// Regression: the completion script's generator panicked where its output was cut off.
 #[test]
 fn completions_into_a_closed_pipe_are_no_panic() {
-    let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("hlacdb"))
-        .args(["completions", "bash"])
-        .stdout(std::process::Stdio::piped())
-        .stderr(std::process::Stdio::piped())
-        .spawn()
-        .unwrap();
-    drop(child.stdout.take());
-    let output = child.wait_with_output().unwrap();
+    let output = into_a_closed_pipe(&["completions", "bash"]);
     assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));
     assert_ne!(output.status.code(), Some(101));
 }

@@ -200,6 +200,24 @@ fn what_cannot_be_stored_is_refused_and_leaves_nothing() {
     assert!(store.read().unwrap().verify(None, &mut silent).unwrap().is_ok());
 }
 
+/// Regression: the entry of a tag begins as a key with a NUL in it does, and was taken for its own.
+#[test]
+fn a_tag_is_found_by_its_key_and_value_alone() {
+    let scratch = Scratch::new();
+    let store = scratch.create();
+    let mut transaction = store.write().unwrap();
+    let tags = [("family".to_owned(), "stone".to_owned())].into();
+    let id = transaction.add(NewTexture { tags, ..NewTexture::default() }).unwrap();
+    transaction.commit().unwrap();
+    let state = store.read().unwrap();
+    assert_eq!(state.tagged("family", "stone").unwrap(), [id]);
+    for (key, value) in [("family\0stone", ""), ("family", "stone\0"), ("family", ""), ("", "stone"), ("", "")] {
+        assert_eq!(state.tagged(key, value).unwrap(), [0; 0], "{key:?} {value:?}");
+    }
+    assert_eq!(state.tag_values("family").unwrap(), [("stone".to_owned(), 1)]);
+    assert_eq!(state.tag_values("family\0stone").unwrap(), []);
+}
+
 #[test]
 fn opening_tells_what_is_wrong_and_creates_nothing() {
     let scratch = Scratch::new();

@@ -154,7 +154,11 @@ fn read_from(reader: &mut (impl Read + Seek), options: &ReadOptions) -> Result<(
     stack.check(options)?;
     let Format { channels, ty, .. } = stack.page.format;
     let mut bytes = Vec::new();
-    let total = usize::try_from(u128::from(stack.planes) * stack.page.format.bytes()).unwrap_or(usize::MAX);
+    let total = u128::from(stack.planes) * stack.page.format.bytes();
+    if !stack.page.plain {
+        decode::may_inflate(total, stack.length, options.max_inflated)?;
+    }
+    let total = usize::try_from(total).unwrap_or(usize::MAX);
     bytes.try_reserve_exact(total).map_err(|error| VolumeError::Io {
         doing: "taking memory for the pages",
         source: std::io::Error::new(std::io::ErrorKind::OutOfMemory, error),

@@ -75,6 +75,26 @@ fn hostile_uploads_are_refused_in_sentences() {
     assert_eq!(place.json("textures")["total"], 8, "nothing came in");
 }
 
+/// Regression: a name of many long letters was longer than the file system takes, and the folder for a second file of a
+/// name was called as another file was: both were told as the server's own failure.
+#[test]
+fn files_may_have_any_names() {
+    let place = Place::new();
+    let volumes = [5, 6, 7].map(|step| npy(&stripes(18, step)));
+    let long = format!("{}.npy", "石".repeat(110));
+    for (names, added) in [([&*long; 3], 3), (["1", "1", "2"], 0), (["a", "a", "1"], 0), (["1", "2", "2"], 0)] {
+        let parts: Vec<_> =
+            names.iter().zip(&volumes).map(|(&name, volume)| ("file", Some(name), &volume[..])).collect();
+        let report = place.form("textures", &parts).json();
+        assert_eq!(
+            (&report["added"], &report["duplicates"]),
+            (&json!(added), &json!(3 - added)),
+            "{names:?}: {report}"
+        );
+    }
+    assert_eq!(place.json("textures")["total"], 11);
+}
+
 #[test]
 fn tags_are_set_and_taken_off_and_textures_removed() {
     let place = Place::new();

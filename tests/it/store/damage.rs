@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use hlacdb::store::{Damage, NewTexture, Reads, Store, StoreError, ViewCode, silent};
-use redb::{Builder, ConcurrencyMode, Key, ReadableTable, TableDefinition, Value, WriteTransaction};
+use redb::{ReadableTable, TableDefinition, WriteTransaction};
 
 use super::{Scratch, moments, texture};
+use crate::trust::{drop_first, edit, flip};
 
 type Bytes = TableDefinition<'static, &'static [u8], &'static [u8]>;
 type ById = TableDefinition<'static, u64, &'static [u8]>;
@@ -41,38 +42,6 @@ fn filled() -> Scratch {
     transaction.commit().unwrap();
     drop(store);
     scratch
-}
-
-/// Changes the store behind its back.
-fn edit(path: &Path, change: impl FnOnce(&WriteTransaction)) {
-    let database = Builder::new().set_concurrency_mode(ConcurrencyMode::SingleWriter).open(path).unwrap();
-    let mut transaction = database.begin_write().unwrap();
-    transaction.set_quick_repair(true);
-    change(&transaction);
-    transaction.commit().unwrap();
-}
-
-/// Flips one bit in the value of the `nth` entry.
-fn flip<K: Key + 'static>(
-    table: TableDefinition<'static, K, &'static [u8]>,
-    nth: usize,
-    bit: usize,
-) -> impl FnOnce(&WriteTransaction) {
-    move |transaction| {
-        let mut table = transaction.open_table(table).unwrap();
-        let mut cursor = None;
-        for (number, entry) in table.iter().unwrap().enumerate() {
-            if number == nth {
-                let (key, value) = entry.unwrap();
-                cursor = Some((K::as_bytes(&key.value()).as_ref().to_vec(), value.value().to_vec()));
-                break;
-            }
-        }
-        let (key, mut value) = cursor.unwrap();
-        let at = bit % (value.len() * 8);
-        value[at / 8] ^= 1 << (at % 8);
-        table.insert(K::from_bytes(&key), &value[..]).unwrap();
-    }
 }
 
 fn damage_of(path: &Path) -> Vec<Damage> {
@@ -125,11 +94,6 @@ fn a_flipped_bit_in_any_table_is_named() {
 
 #[test]
 fn missing_and_stray_entries_are_named() {
-    fn drop_first<K: Key + 'static, V: Value + 'static>(
-        table: TableDefinition<'static, K, V>,
-    ) -> impl FnOnce(&WriteTransaction) {
-        move |transaction| drop(transaction.open_table(table).unwrap().pop_first().unwrap().unwrap())
-    }
     found("hashes", "id ", drop_first(HASHES));
     found("tags", "id ", drop_first(TAGS));
     found("sums", "id 1", drop_first(SUMS));

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use hlacdb::hlac::View;
+use hlacdb::space::Definition;
 use hlacdb::{Database, Error, Query, Reindex, Repair};
 use redb::{TableDefinition, WriteTransaction};
 
@@ -84,6 +86,28 @@ fn a_lost_space_is_fitted_anew_on_all_there_is() {
         assert_eq!(told(&path), before);
         std::fs::remove_file(path.with_file_name("textures.hlacdb.damaged")).unwrap();
     }
+}
+
+/// Regression: with the settings went the views that no texture is large enough for, and with them the meaning of a space.
+#[test]
+fn lost_settings_are_told_by_statistics_and_spaces() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = filled(folder.path(), 20, 9);
+    let database = Database::open(&path).unwrap();
+    let own = Definition::likeness("fine", &[View::LIKENESS[0], View::LIKENESS[3]], true, 0.5, 12).unwrap();
+    database.add_space(&own, &()).unwrap();
+    let (names, settings) = (database.space_names().unwrap(), database.statistics().unwrap().settings);
+    drop(database);
+    let before = told(&path);
+    edit(&path, flip(META, 1, 500));
+    let report = repair(&path);
+    assert_eq!((report.derived.get("settings"), report.quarantined.len()), (Some(&1), 0), "{report:?}");
+    let database = Database::open(&path).unwrap();
+    assert_eq!(database.space_names().unwrap(), names);
+    assert_eq!(database.statistics().unwrap().settings.views, settings.views);
+    assert_eq!(database.space("fine").unwrap().definition(), &own);
+    drop(database);
+    assert!(told(&path) == before);
 }
 
 #[test]
