@@ -105,11 +105,18 @@ pub struct Report {
     pub failed: Vec<Failed>,
     /// Files in folders that were passed over because no volume has such a name.
     pub skipped: u64,
+    /// Voxels of cut volumes that are in no block: what was left over at far borders.
+    #[serde(skip_serializing_if = "is_none")]
+    pub left_over: u64,
     /// The ids of all textures given, in input order, those that were there already included.
     pub ids: Vec<u64>,
     /// True where the caller stopped it: what is reported as added is safe, the rest was not begun.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub cancelled: bool,
+}
+
+fn is_none(count: &u64) -> bool {
+    *count == 0
 }
 
 impl Report {
@@ -267,6 +274,8 @@ fn cut(
     if count == 0 {
         return batch.push(fail(&path, Error::BlockTooLarge { path: shown(&path), shape: volume.shape(), side }));
     }
+    let whole: usize = volume.shape().iter().product();
+    batch.report.left_over += (whole - count * side.pow(3)) as u64;
     let database = batch.database;
     let describe = |(number, origin): (usize, volume::Shape)| {
         let block = volume.block(origin, [side; 3]).ok_or(Error::BlockTooLarge {

@@ -110,6 +110,16 @@ impl Ingest {
             let files = count(report.skipped as usize, "file");
             context.note(&format!("{files} of unknown kinds skipped (-vv names them)"));
         }
+        if report.left_over > 0 {
+            let voxels = count(report.left_over as usize, "voxel");
+            context.note(&format!("{voxels} at far borders are in no block"));
+        }
+        if report.duplicates > 0 && !options.tags.is_empty() {
+            context.note("what was there already keeps its tags: `hlacdb tag` changes them");
+        }
+        if report.added > 0 && database.statistics()?.space.drift.is_some_and(|drift| drift.is_far()) {
+            context.note("the store is far from what its space was fitted on: `hlacdb reindex` fits it on everything");
+        }
         let size = std::fs::metadata(&context.store).map(|file| file.len()).unwrap_or(0);
         context.note(&format!(
             "{} added, {} already there, {} failed, in {}{}; the store holds {} in {}",

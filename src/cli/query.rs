@@ -84,16 +84,12 @@ impl Query {
             let answers = database.query_all(&rows.into_iter().map(one).collect::<Vec<_>>())?;
             return print_all(context, &answers, |row| format!("row {row}"));
         }
+        if self.files.len() > 1 {
+            return self.run_files(context, &database);
+        }
         let volumes = self.files.iter().map(|path| Ok(volume::read(path, &self.reading.options())?.0));
         let volumes: Vec<Volume> = volumes.collect::<Result<_, Failure>>()?;
         let name = |at: usize| self.files.get(at).map_or_else(String::new, |path| volume::display_path(path));
-        if volumes.len() > 1 {
-            if self.sheet.is_some() {
-                return Err(Failure::Usage("--sheet draws one query: name one FILE".into()));
-            }
-            let questions: Vec<Question<'_>> = volumes.iter().map(|one| self.refine(Question::volume(one))).collect();
-            return print_all(context, &database.query_all(&questions)?, name);
-        }
         let question = match volumes.first() {
             Some(volume) => Question::volume(volume),
             None => Question::textures(&self.ids).combine(self.combine),
@@ -108,6 +104,32 @@ impl Query {
             context.note(&format!("wrote {}", volume::display_path(path)));
         }
         print_all(context, &[answer], name)
+    }
+
+    /// A query for each file that can be read; the others are told.
+    fn run_files(&self, context: &mut Context, database: &Database) -> Result<Outcome, Failure> {
+        if self.sheet.is_some() {
+            return Err(Failure::Usage("--sheet draws one query: name one FILE".into()));
+        }
+        let (mut names, mut volumes) = (vec![], vec![]);
+        for path in &self.files {
+            match volume::read(path, &self.reading.options()) {
+                Ok((volume, _)) => {
+                    names.push(volume::display_path(path));
+                    volumes.push(volume);
+                }
+                Err(error) => eprintln!("hlacdb: {}", hlacdb::chain(&error)),
+            }
+        }
+        let questions: Vec<Question<'_>> = volumes.iter().map(|one| self.refine(Question::volume(one))).collect();
+        let answers = database.query_all(&questions)?;
+        if context.json {
+            let named = names.iter().zip(&answers).map(|(file, answer)| Named { file, answer });
+            context.print_json(&serde_json::json!({ "queries": named.collect::<Vec<_>>() }))?;
+        } else {
+            print_all(context, &answers, |at| names.get(at).cloned().unwrap_or_default())?;
+        }
+        Ok(if volumes.len() == self.files.len() { Outcome::Done } else { Outcome::Partly })
     }
 
     /// The options that every kind of example shares.
@@ -131,6 +153,14 @@ impl Query {
         }
         question
     }
+}
+
+/// An answer, and the file that was asked about.
+#[derive(serde::Serialize)]
+struct Named<'a> {
+    file: &'a str,
+    #[serde(flatten)]
+    answer: &'a Answer,
 }
 
 /// Prints the answers; `name` says what the n-th query was, where there are several.

@@ -6,6 +6,7 @@ use clap::Args;
 use hlacdb::{Database, Repair as Options};
 
 use super::bars::Bars;
+use super::table::count;
 use super::{Context, Failure, Outcome};
 
 /// Restore what can be derived again in a damaged store
@@ -53,6 +54,13 @@ impl Repair {
         for lost in &report.quarantined {
             let answers = if lost.left_out { "it is left out of answers" } else { "it is still found" };
             writeln!(context.out(), "lost: texture {}: {}; {answers}", lost.id, lost.what)?;
+        }
+        if report.original.is_some() && !report.quarantined.is_empty() {
+            let lost = count(report.quarantined.len(), "texture");
+            writeln!(
+                context.out(),
+                "{lost} in all: where you still have the file, `hlacdb remove ID` and `hlacdb ingest FILE` bring one back"
+            )?;
         }
         match (&report.original, report.damage.is_empty()) {
             (_, true) => writeln!(context.out(), "no damage: nothing was done")?,

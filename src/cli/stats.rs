@@ -87,11 +87,24 @@ fn print_settings(out: &mut impl Write, report: &StatisticsReport) -> Result<(),
 fn print_sizes(out: &mut impl Write, report: &StatisticsReport) -> Result<(), Failure> {
     writeln!(out)?;
     let mut table = Table::new([("table", Align::Left), ("bytes", Align::Right)]);
-    for (name, &size) in &report.bytes {
-        table.row([name.clone(), bytes(size)]);
+    let of_file = report.bytes.get(FILE).copied().unwrap_or(0);
+    let tables = report.bytes.iter().filter(|(name, _)| *name != FILE);
+    tables.clone().for_each(|(name, &size)| table.row([name.clone(), bytes(size)]));
+    let free = of_file.saturating_sub(tables.map(|(_, size)| size).sum());
+    table.row(["free, and the engine's own".to_owned(), bytes(free)]);
+    table.row(["the file".to_owned(), bytes(of_file)]);
+    table.write(out)?;
+    if free > of_file / 2 && free > WORTH_COMPACTING {
+        writeln!(out, "`hlacdb compact` gives most of the free bytes back")?;
     }
-    Ok(table.write(out)?)
+    Ok(())
 }
+
+/// The entry of a report's sizes that is the whole file.
+const FILE: &str = "file";
+
+/// Free bytes that are worth a word.
+const WORTH_COMPACTING: u64 = 4 << 20;
 
 fn print_space(out: &mut impl Write, report: &StatisticsReport) -> Result<(), Failure> {
     let space = &report.space;
@@ -111,6 +124,9 @@ fn print_space(out: &mut impl Write, report: &StatisticsReport) -> Result<(), Fa
             drift.shift, drift.spread
         )?,
         None => writeln!(out, "drift since the fit: nothing to compare")?,
+    }
+    if space.drift.is_some_and(|drift| drift.is_far()) {
+        writeln!(out, "that is far: `hlacdb reindex` fits the space on everything there is now")?;
     }
     if space.axes.is_empty() {
         return Ok(());

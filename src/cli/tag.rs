@@ -51,19 +51,16 @@ impl FromStr for KeyValue {
     }
 }
 
-/// Set or take off tags of a texture
+/// Set or take off tags of textures
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb tag 12 family=marble site=Carrara
+  hlacdb tag 73 74 75 rock=ketton
   hlacdb tag 12 --unset site")]
 pub(crate) struct Tag {
-    /// The texture
-    #[arg(value_parser = whole::<u64>)]
-    id: u64,
-
-    /// Tags to set; a key holds one value, a new one replaces the old
-    #[arg(value_name = "KEY=VALUE", required_unless_present = "unset")]
-    tags: Vec<KeyValue>,
+    /// Textures by their ids, and then the tags to set; a key holds one value, a new one replaces the old
+    #[arg(value_name = "ID... KEY=VALUE", required = true, num_args = 1..)]
+    words: Vec<String>,
 
     /// Keys to take off
     #[arg(long, value_name = "KEY")]
@@ -72,17 +69,42 @@ pub(crate) struct Tag {
 
 impl Tag {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
-        let set: Vec<(String, String)> = one_value_each(self.tags)?.into_iter().collect();
+        let (ids, tags) = ids_and_tags(&self.words)?;
+        if tags.is_empty() && self.unset.is_empty() {
+            return Err(Failure::Usage("nothing to set or take off: name a KEY=VALUE, or --unset KEY".into()));
+        }
+        let set: Vec<(String, String)> = one_value_each(tags)?.into_iter().collect();
         let database = context.open_to_write()?;
-        let texture = database.tag(self.id, &set, &self.unset)?;
-        if context.json {
-            context.print_json(&serde_json::json!({ "id": texture.id, "tags": texture.tags }))?;
-        } else {
+        // All of them or none: an id that is not there changes nothing.
+        ids.iter().try_for_each(|&id| database.texture(id).map(drop))?;
+        let mut changed = Vec::with_capacity(ids.len());
+        for id in ids {
+            let texture = database.tag(id, &set, &self.unset)?;
             let line = format!("{} {}: {}", texture.id, texture.name, super::table::tags(&texture.tags));
-            context.note(&one_line(&line));
+            changed.push(serde_json::json!({ "id": texture.id, "tags": texture.tags }));
+            if !context.json {
+                context.note(&one_line(&line));
+            }
+        }
+        match (context.json, &changed[..]) {
+            (false, _) => {}
+            (true, [one]) => context.print_json(one)?,
+            (true, all) => context.print_json(&serde_json::json!({ "textures": all }))?,
         }
         Ok(Outcome::Done)
     }
+}
+
+/// Splits `ID... KEY=VALUE...`.
+fn ids_and_tags(words: &[String]) -> Result<(Vec<u64>, Vec<KeyValue>), Failure> {
+    let ids = words.iter().take_while(|word| !word.contains('=')).count();
+    let (ids, tags) = words.split_at(ids);
+    let ids: Vec<u64> =
+        ids.iter().map(|word| whole(word)).collect::<Result<_, String>>().map_err(Failure::Usage)?;
+    if ids.is_empty() {
+        return Err(Failure::Usage("no texture is named: ids come first, tags after them".into()));
+    }
+    Ok((ids, tags.iter().map(|word| word.parse()).collect::<Result<_, String>>().map_err(Failure::Usage)?))
 }
 
 #[cfg(test)]
@@ -94,6 +116,16 @@ mod tests {
         let given = |pairs: &[&str]| one_value_each(pairs.iter().map(|pair| pair.parse().unwrap()).collect());
         assert_eq!(given(&["a=1", "b=2", "a=1"]).unwrap().len(), 2);
         assert!(matches!(given(&["a=1", "a=2"]), Err(Failure::Usage(_))));
+    }
+
+    #[test]
+    fn ids_come_first() {
+        let split = |words: &[&str]| ids_and_tags(&words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>());
+        let (ids, tags) = split(&["7", "8", "a=1", "b=2"]).unwrap();
+        assert_eq!((ids, tags.len()), (vec![7, 8], 2));
+        for bad in [&["a=1"][..], &["7", "x", "a=1"], &["7", "a=1", "8"]] {
+            assert!(matches!(split(bad), Err(Failure::Usage(_))), "{bad:?}");
+        }
     }
 
     #[test]

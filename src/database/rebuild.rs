@@ -126,7 +126,7 @@ fn gather(transaction: &Transaction, ids: &mut impl Iterator<Item = u64>) -> Res
 pub(super) fn whole_voxels(state: &impl Reads, id: u64) -> Result<Option<Volume>, Error> {
     match state.voxels(id) {
         Err(StoreError::Damage(damage)) => {
-            tracing::warn!("{damage}: texture {id} counts by the moments that are kept of it");
+            tracing::debug!("{damage}: texture {id} counts by the moments that are kept of it");
             Ok(None)
         }
         read => Ok(read?),

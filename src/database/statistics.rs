@@ -74,6 +74,17 @@ pub struct DriftReport {
     pub spread: f64,
 }
 
+impl DriftReport {
+    /// Whether the store is so far from what the space was fitted on that a fit on all of it is worth its while: the mean moved
+    /// by 0.7 of the spread, or the spread changed by a factor of two.
+    pub fn is_far(&self) -> bool {
+        self.shift.abs().max(self.spread.ln().abs()) >= FAR
+    }
+}
+
+/// The drift from which on a space should be fitted anew; the page says so from the same number on.
+const FAR: f64 = 0.7;
+
 /// Statistics of the 251 moments of `full@1`, in the order of the masks.
 #[derive(Clone, Debug, Serialize)]
 pub struct MomentStatistics {

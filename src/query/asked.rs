@@ -47,6 +47,9 @@ impl Database {
     }
 }
 
+/// So many values of a tag are told where none of them was meant.
+const VALUES_TOLD: usize = 8;
+
 /// A query and the state it is asked of.
 struct Asked<'a> {
     database: &'a Database,
@@ -133,7 +136,8 @@ impl<'a> Asked<'a> {
             }
         };
         for warning in &warnings {
-            tracing::warn!("{warning}");
+            // Whoever asked is told by the answer.
+            tracing::debug!("{warning}");
         }
         Ok(Answer { space: self.name.clone(), index, epoch: self.space().epoch(), elapsed, warnings, hits })
     }
@@ -175,13 +179,26 @@ impl<'a> Asked<'a> {
     fn warnings(&self, query: &Query<'_>, allowed: Option<&[u64]>) -> Result<Vec<String>, Error> {
         let mut warnings = Vec::new();
         if allowed.is_some_and(<[u64]>::is_empty) {
-            for (key, _) in &query.filters {
+            for (key, value) in &query.filters {
                 if !self.snapshot.has_tag_key(key)? {
                     let known = self.snapshot.tag_keys()?;
                     let known = if known.is_empty() { "there are no tags".into() } else { known.join(", ") };
                     warnings
                         .push(format!("no texture carries a tag '{key}', so nothing can be a hit; the tags: {known}"));
+                    continue;
                 }
+                let known = self.snapshot.tag_values(key)?;
+                if known.iter().all(|(one, _)| one != value) {
+                    let some: Vec<&str> = known.iter().take(VALUES_TOLD).map(|(one, _)| one.as_str()).collect();
+                    let more = if known.len() > some.len() { ", ..." } else { "" };
+                    warnings.push(format!(
+                        "no texture carries {key}={value}, so nothing can be a hit; the values of '{key}': {}{more}",
+                        some.join(", ")
+                    ));
+                }
+            }
+            if warnings.is_empty() {
+                warnings.push("no texture carries all of these tags, so nothing can be a hit".into());
             }
         }
         Ok(warnings)

@@ -28,7 +28,7 @@ pub enum StoreError {
         found: String,
     },
     /// A store is to be created where something is already.
-    #[error("{} already exists: open it, or name another file for the new store", show(path))]
+    #[error("{} already exists: name another file, or remove that one first", show(path))]
     Exists {
         /// The path as it was given.
         path: PathBuf,
@@ -83,7 +83,7 @@ pub enum StoreError {
     },
     /// Another handle has the store open for writing.
     #[error(
-        "the store {} is held by another writer{}: end that process or wait for it to finish; reading (query, list, stats, ...) works meanwhile",
+        "the store {} is held by another writer{}: end that process (`hlacdb serve` writes until it ends, with --read-only it does not) or wait for it to finish; reading (query, list, stats, ...) works meanwhile",
         show(path),
         holder.map_or_else(String::new, |id| format!(" (process {id})"))
     )]

@@ -78,7 +78,7 @@ impl Stack {
                 return Err(VolumeError::Malformed {
                     found: format!("the folder holds {} slices", paths.len()),
                     expected: format!(
-                        "a stack has at least {MIN_SIDE} PNG, JPEG or single-page TIFF files of one size"
+                        "a folder that is one volume has at least {MIN_SIDE} PNG, JPEG or single-page TIFF slices of one size; of a folder of volumes name the files"
                     ),
                 });
             }
