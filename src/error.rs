@@ -18,6 +18,18 @@ pub enum Error {
     /// Voxels are no volume.
     #[error(transparent)]
     Volume(#[from] VolumeError),
+    /// A store is so damaged that nothing of it can be read.
+    #[error(
+        "nothing of the store {} can be restored: what is left of the file is no store; go back to a backup, or ingest the volumes into a new one",
+        display_path(path)
+    )]
+    BeyondRepair {
+        /// The store.
+        path: std::path::PathBuf,
+        /// Why.
+        #[source]
+        source: StoreError,
+    },
     /// The store refused, or is damaged.
     #[error(transparent)]
     Store(#[from] StoreError),

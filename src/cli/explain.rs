@@ -98,6 +98,12 @@ fn print(out: &mut impl Write, explained: &Explained) -> Result<(), Failure> {
     if left > 0 {
         writeln!(out, "... and {left} more with smaller shares (--json has all)")?;
     }
+    writeln!(
+        out,
+        "\nShares are of the squared distance: what is positive keeps the two apart, what is negative brings them together.\n\
+         A view is a mapped copy of the texture at full, half or quarter scale; an orbit is a mask in all its orientations\n\
+         (`hlacdb masks` draws masks by their letters), `mean` its strength and `deviation` how much that depends on direction."
+    )?;
     Ok(())
 }
 

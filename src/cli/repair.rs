@@ -64,6 +64,10 @@ impl Repair {
         }
         match (&report.original, report.damage.is_empty()) {
             (_, true) => writeln!(context.out(), "no damage: nothing was done")?,
+            (None, false) if !self.check => writeln!(
+                context.out(),
+                "nothing more can be restored: what is named is lost, and the store stays as it is; everything else is whole"
+            )?,
             (None, false) => writeln!(context.out(), "run `hlacdb repair` to restore what can be derived again")?,
             (Some(original), false) => {
                 writeln!(context.out(), "repaired and verified; the store as it was: {original}")?;

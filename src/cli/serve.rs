@@ -1,12 +1,13 @@
 //! `hlacdb serve`.
 
 use std::io::Write;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
 use hlacdb::serve::{Server, Settings};
+use hlacdb::volume::display_path;
 
 use super::{Context, Failure, Outcome};
 
@@ -22,7 +23,7 @@ use super::{Context, Failure, Outcome};
   HLACDB_TOKEN=$(openssl rand -hex 16) hlacdb serve --addr 0.0.0.0:8080    for other machines")]
 pub(crate) struct Serve {
     /// Where to listen; port 0 takes a free one; any but a loopback address needs a token
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8251")]
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8251", value_parser = address)]
     addr: SocketAddr,
 
     /// What callers must show: the page is opened once as /?token=TOKEN, programs send `Authorization: Bearer TOKEN`
@@ -68,7 +69,11 @@ pub(crate) struct Serve {
 
 impl Serve {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+        let is_new = !self.read_only && !context.store.exists();
         let database = if self.read_only { context.open_to_read()? } else { context.open_or_create()? };
+        if is_new {
+            context.note(&format!("there was no store {}: an empty one was made", display_path(&context.store)));
+        }
         let settings = Settings {
             address: self.addr,
             token: self.token,
@@ -99,4 +104,10 @@ impl Serve {
         server.run()?;
         Ok(Outcome::Done)
     }
+}
+
+/// An address, or a name of one, with a port.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let resolved = text.to_socket_addrs().ok().and_then(|mut addresses| addresses.next());
+    resolved.ok_or_else(|| "an address with a port is expected, as 127.0.0.1:8251 or localhost:0".into())
 }

@@ -99,8 +99,7 @@ impl Tag {
 fn ids_and_tags(words: &[String]) -> Result<(Vec<u64>, Vec<KeyValue>), Failure> {
     let ids = words.iter().take_while(|word| !word.contains('=')).count();
     let (ids, tags) = words.split_at(ids);
-    let ids: Vec<u64> =
-        ids.iter().map(|word| whole(word)).collect::<Result<_, String>>().map_err(Failure::Usage)?;
+    let ids: Vec<u64> = ids.iter().map(|word| whole(word)).collect::<Result<_, String>>().map_err(Failure::Usage)?;
     if ids.is_empty() {
         return Err(Failure::Usage("no texture is named: ids come first, tags after them".into()));
     }

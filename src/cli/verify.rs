@@ -43,6 +43,9 @@ impl Verify {
             }
             let verdict = if report.ok() {
                 "no damage"
+            } else if report.known {
+                "what is named is lost, and no repair brings it back; everything else is whole. Where you still have the file, \
+                 `hlacdb remove ID` and `hlacdb ingest FILE` do"
             } else {
                 "the store is damaged: what is not named above is whole; run `hlacdb repair`, which keeps the file as it is \
                  beside the repaired one, or go back to a backup"

@@ -52,41 +52,57 @@ pub struct Repaired {
 impl Database {
     /// Repairs the store at `path`. Where `verify` finds nothing wrong, nothing is done. Else a new store is made of all that is
     /// whole and all that can be derived from it, verified, and put in the place of the damaged one, which is kept beside
-    /// it as `NAME.damaged`. Takes as much room on the disk as the store has.
+    /// it as `NAME.damaged`. Where nothing that is damaged can be restored (as after an earlier repair that had to leave
+    /// something lost) the store stays as it is. Takes as much room on the disk as the store has.
     ///
     /// # Errors
-    /// [`Error::Store`] where another process writes, where there is no room, or where not even the beginnings of the
-    /// file can be read; [`Error::Cancelled`]. The store is then as it was.
+    /// [`Error::BeyondRepair`] where not even the beginnings of the file can be read; [`Error::Store`] where another process
+    /// writes or there is no room; [`Error::Cancelled`]. The store is then as it was.
     pub fn repair(path: &Path, options: &Repair, progress: &dyn Progress) -> Result<Repaired, Error> {
-        let damage = match examine(path, options.deep, progress) {
-            Ok(damage) if damage.is_empty() || options.check_only => {
+        let (damage, known) = match examine(path, options.deep, progress) {
+            Ok((damage, _)) if damage.is_empty() || options.check_only => {
                 return Ok(Repaired { damage, derived: BTreeMap::new(), quarantined: Vec::new(), original: None });
             }
-            Ok(damage) => damage,
-            Err(error) if error.is_damage() => vec![DamageReport::of_file(&error)],
+            Ok(found) => found,
+            Err(error) if error.is_damage() => (vec![DamageReport::of_file(&error)], Vec::new()),
             Err(error) => return Err(error),
         };
         let passing = beside(path, ".repairing");
-        let outcome = restore(path, &passing, progress).and_then(|(derived, quarantined)| {
+        let outcome = restore(path, &passing, progress).and_then(|Restored { derived, quarantined, left }| {
+            let places = |damage: &[DamageReport]| -> BTreeSet<(&str, String)> {
+                damage.iter().map(|damage| (damage.table, damage.key.clone())).collect()
+            };
+            // What an earlier repair could not restore none can: a copy of the store would help nobody.
+            if places(&left) == places(&damage) && quarantined == known {
+                return Ok(Repaired { damage, derived: BTreeMap::new(), quarantined, original: None });
+            }
             let original = take_place(path, &passing)?;
             Ok(Repaired { damage, derived, quarantined, original: Some(display_path(&original)) })
         });
-        if outcome.is_err() {
-            // The failure is what matters; what is left of the attempt is in nobody's way.
+        if !matches!(&outcome, Ok(Repaired { original: Some(_), .. })) {
+            // The outcome is what matters; what is left of the attempt is in nobody's way.
             let _ = std::fs::remove_file(&passing);
         }
         outcome
     }
 }
 
-/// What `verify` finds.
-fn examine(path: &Path, deep: bool, progress: &dyn Progress) -> Result<Vec<DamageReport>, Error> {
+/// What `verify` finds, and the textures of which something was known to be lost before.
+fn examine(path: &Path, deep: bool, progress: &dyn Progress) -> Result<(Vec<DamageReport>, Vec<Quarantined>), Error> {
     // For writing: a store that a crash left is recovered first, and nobody else changes it meanwhile.
     let database = OpenOptions::new().create(false).open(path)?;
-    Ok(database.verify(deep, progress)?.damage)
+    let damage = database.verify(deep, progress)?.damage;
+    let known = database.store().read().map_err(Error::from).and_then(|snapshot| quarantine::listed(&snapshot));
+    Ok((damage, known.unwrap_or_default()))
 }
 
-type Restored = (BTreeMap<&'static str, u64>, Vec<Quarantined>);
+/// A store made of what is whole of another.
+struct Restored {
+    derived: BTreeMap<&'static str, u64>,
+    quarantined: Vec<Quarantined>,
+    /// What `verify` still finds: of textures of which something is lost.
+    left: Vec<DamageReport>,
+}
 
 /// Makes a store of what is whole of the one at `path` at `passing`.
 fn restore(path: &Path, passing: &Path, progress: &dyn Progress) -> Result<Restored, Error> {
@@ -95,7 +111,16 @@ fn restore(path: &Path, passing: &Path, progress: &dyn Progress) -> Result<Resto
     {
         return Err(Error::io(format!("removing {}", display_path(passing)), source));
     }
-    let old = Options::default().open_damaged(path)?;
+    let beyond = |source: StoreError| match source {
+        StoreError::Damage(_) | StoreError::DamagedFile { .. } | StoreError::Engine { .. } => {
+            Error::BeyondRepair { path: path.to_owned(), source }
+        }
+        StoreError::Io { source: ref cause, .. } if cause.kind() == std::io::ErrorKind::UnexpectedEof => {
+            Error::BeyondRepair { path: path.to_owned(), source }
+        }
+        other => Error::Store(other),
+    };
+    let old = Options::default().open_damaged(path).map_err(beyond)?;
     let told = old.salvaged_settings()?;
     let settings = settings(&told);
     let salvaged = {
@@ -112,9 +137,9 @@ fn restore(path: &Path, passing: &Path, progress: &dyn Progress) -> Result<Resto
     let explained = |damage: &DamageReport| {
         damage.texture().is_some_and(|id| quarantined.iter().any(|held| held.id == id) || lost.contains(&id))
     };
-    match left.into_iter().find(|damage| !explained(damage)) {
-        Some(damage) => Err(damage.into_error()),
-        None => Ok((derived, quarantined)),
+    match left.iter().find(|damage| !explained(damage)) {
+        Some(damage) => Err(damage.clone().into_error()),
+        None => Ok(Restored { derived, quarantined, left }),
     }
 }
 

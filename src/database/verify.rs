@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::kept::{KeptPoints, mapped_points};
 use super::prepare::{views, with_full};
 use super::write::contribution_blocks;
-use super::{DEFAULT_SPACE, Database, books, held, spaces};
+use super::{DEFAULT_SPACE, Database, books, held, quarantine, spaces};
 use crate::error::Error;
 use crate::hlac::{self, View};
 use crate::progress::Progress;
@@ -24,6 +24,8 @@ pub struct Verified {
     pub checked: BTreeMap<&'static str, u64>,
     /// What is not as it should be.
     pub damage: Vec<DamageReport>,
+    /// True where all damage is of textures that are known to have lost something: no repair helps them.
+    pub known: bool,
 }
 
 impl Verified {
@@ -100,7 +102,11 @@ impl Database {
             check_statistics(&snapshot, &mut checked, &mut damage)?;
             check_points(&snapshot, &mut checked, &mut damage)?;
         }
-        Ok(Verified { ok: damage.is_empty(), checked, damage })
+        let known = !damage.is_empty() && {
+            let lost = quarantine::listed(&snapshot).unwrap_or_default();
+            damage.iter().all(|damage| damage.texture().is_some_and(|id| lost.iter().any(|lost| lost.id == id)))
+        };
+        Ok(Verified { ok: damage.is_empty(), checked, damage, known })
     }
 
     /// Gives the space of removed textures, and of pages that hold nothing, back to the file system.

@@ -222,7 +222,7 @@ impl Probe {
     }
 
     /// The computed distances of the coarse keys of a block (squared for L2).
-    #[inline]
+    #[inline(always)]
     pub(super) fn coarse(&self, block: &KeyBlock) -> Coarse {
         let Some((last, leading)) = block.split_last() else {
             return Coarse { bounds: [0.0; LANES], leading: [0.0; LANES] };
@@ -233,14 +233,14 @@ impl Probe {
     }
 
     /// The computed distances of the fine keys of a block whose coarse ones are known.
-    #[inline]
+    #[inline(always)]
     pub(super) fn fine(&self, coarse: &Coarse, block: &KeyBlock) -> [f32; LANES] {
         self.lanes(coarse.leading, block, &self.key.fine)
     }
 
     /// The computed distances of the key from boxes (squared for L2): two arrays for each number of a key, the least and
     /// the greatest. 0 inside a box, infinite for one that is empty (its least infinite).
-    #[inline]
+    #[inline(always)]
     pub(super) fn box_distances(&self, boxes: &KeyBlock) -> [f32; LANES] {
         match self.metric {
             Metric::L2 => self.box_lanes(boxes, |d| d * d),

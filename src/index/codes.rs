@@ -25,7 +25,7 @@ pub fn codes(point: &[f32]) -> impl Iterator<Item = i8> + '_ {
 pub(super) const MOST_DIMS: usize = 16_384;
 
 /// The distance of two codes in steps, squared for L2, of at most [`MOST_DIMS`] coordinates.
-#[inline]
+#[inline(always)]
 pub(super) fn distance(metric: Metric, one: &[i8], other: &[i16]) -> u32 {
     let differences = one.iter().zip(other).map(|(&one, &other)| other - i16::from(one));
     match metric {

@@ -9,6 +9,7 @@
 
 use super::bound::LANES;
 use super::question::{Allowed, Best};
+use super::wide::with_wide_vectors;
 use super::{Neighbour, Points, Question};
 
 /// Offers all rows from `from` on that may be hits.
@@ -18,6 +19,14 @@ pub(super) fn scan(points: &Points, question: &Question<'_>, from: usize, best: 
     {
         return gather(points, question, ids, from, best);
     }
+    with_wide_vectors(
+        #[inline(always)]
+        || scan_here(points, question, from, best),
+    );
+}
+
+#[inline(always)]
+fn scan_here(points: &Points, question: &Question<'_>, from: usize, best: &mut Best) {
     let probe = points.probe(question.point);
     let mut threshold = probe.threshold(best.limit());
     for block in from / LANES..points.rows().div_ceil(LANES) {
@@ -40,6 +49,7 @@ pub(super) fn scan(points: &Points, question: &Question<'_>, from: usize, best: 
     }
 }
 
+#[inline(always)]
 fn least(bounds: &[f32; LANES]) -> f32 {
     bounds.iter().fold(f32::INFINITY, |least, &bound| if bound < least { bound } else { least })
 }

@@ -27,6 +27,7 @@ mod points;
 mod question;
 mod shared;
 mod turn;
+mod wide;
 
 pub use crate::metric::{Metric, UnknownMetric};
 pub use codes::{NO_POINT, codes};

@@ -46,7 +46,10 @@ pub(super) struct Asked {
 
 /// A part of a texture.
 #[derive(Deserialize, utoipa::ToSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a block of a texture, as {\"id\":12,\"origin\":[0,0,0],\"size\":[64,64,64]} (Z, Y, X)"
+)]
 struct Block {
     id: u64,
     /// Its first voxel (Z, Y, X).

@@ -143,7 +143,8 @@ impl Header {
         if magic != MAGIC {
             return Err(VolumeError::Malformed {
                 found: format!("the array begins with \"{}\"", magic.escape_ascii()),
-                expected: "a numpy array begins with \"\\x93NUMPY\": the file is of another kind than its name says".into(),
+                expected: "a numpy array begins with \"\\x93NUMPY\": the file is of another kind than its name says"
+                    .into(),
             });
         }
         let mut length = [0; 4];

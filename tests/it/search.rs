@@ -222,7 +222,11 @@ fn a_distance_alone_has_no_ceiling_and_a_slip_of_the_pen_is_told() {
     let slip = database.query(&Query::texture(1).filter("tt", "a")).unwrap();
     assert!(slip.hits.is_empty() && slip.warnings[0].contains("'tt'") && slip.warnings[0].contains("the tags: t"));
     let none = database.query(&Query::texture(1).filter("t", "b")).unwrap();
-    assert!(none.hits.is_empty() && none.warnings.is_empty());
+    assert!(
+        none.hits.is_empty()
+            && none.warnings[0].contains("no texture carries t=b")
+            && none.warnings[0].ends_with(": a")
+    );
 
     // Twenty lie at each of two places: every pair of equal ones is found once.
     let pairs = database.near_pairs(None, Some(0.0)).unwrap();

@@ -168,6 +168,12 @@ fn what_is_lost_is_quarantined_and_the_rest_goes_on() {
         );
         database.tag(1, &[("n".into(), repaired.to_string())], &[]).unwrap();
     }
+    // Nothing more can be restored: no other copy is made.
+    let whole = std::fs::read(&path).unwrap();
+    let again = repair(&path);
+    assert!(again.original.is_none() && again.quarantined.len() == 2 && !again.damage.is_empty(), "{again:?}");
+    assert_eq!(Database::open(&path).unwrap().textures(&[]).unwrap().len(), 8);
+    assert_eq!(std::fs::metadata(&path).unwrap().len(), whole.len() as u64);
     // Removed by its owner, the content can be added anew.
     let database = Database::open(&path).unwrap();
     assert_eq!(database.remove(&[3, 7]).unwrap(), [3, 7]);

@@ -33,7 +33,9 @@ export const freshId = (stem) => `${stem}-${++made}`;
 /** A name that may be too long for its place: what is left out is its middle, for names often differ at their ends. */
 export function named(name, props = {}) {
   if (name.length < 16) return el("span", { ...props, class: "name" }, name);
-  return el("span", { ...props, class: "name cut-name" }, el("span", {}, name.slice(0, -9)), el("span", {}, name.slice(-9)));
+  // The place of a block stays whole: it is what tells blocks of one volume apart.
+  const end = /\[[\d,]{1,16}\]$/.exec(name)?.[0].length ?? 9;
+  return el("span", { ...props, class: "name cut-name" }, el("span", {}, name.slice(0, -end)), el("span", {}, name.slice(-end)));
 }
 
 /** Calls `what` once things have been quiet for `wait` ms; `.now()` calls it at once, `.drop()` never. */

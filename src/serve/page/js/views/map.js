@@ -64,7 +64,7 @@ export async function show(root, route, { signal }) {
   function drawLegend(colours, none) {
     const counts = new Map();
     for (const value of told.value ?? []) counts.set(value, (counts.get(value) ?? 0) + 1);
-    const entry = (value, text, paint) => el("li", {}, el("button", { type: "button", class: "facet", "aria-pressed": String(only === value), disabled: value === null, on: { click: () => { only = only === value ? null : value; tune({ only }); paint_(); } } },
+    const entry = (value, text, paint) => el("li", {}, el("button", { type: "button", class: "facet", "aria-pressed": String(value !== null && only === value), disabled: value === null, on: { click: () => { only = only === value ? null : value; tune({ only }); paint_(); } } },
       el("i", { class: "dot", style: { background: css(paint) } }), el("span", { class: "value" }, text), el("span", { class: "edge" }, count(counts.get(value === null ? -1 : told.values.indexOf(value)) ?? 0))));
     const top = legend.querySelector("ul")?.scrollTop ?? 0;
     legend.replaceChildren(el("h2", {}, key ?? "Textures"), el("ul", { class: "plain" }, ...(told.values ?? []).map((value, at) => entry(value, value || "(empty)", colours[at])), counts.has(-1) && key ? entry(null, "without", none) : null));
