@@ -27,11 +27,21 @@ pub(super) const MOST_DIMS: usize = 16_384;
 /// The distance of two codes in steps, squared for L2, of at most [`MOST_DIMS`] coordinates.
 #[inline(always)]
 pub(super) fn distance(metric: Metric, one: &[i8], other: &[i16]) -> u32 {
-    let differences = one.iter().zip(other).map(|(&one, &other)| other - i16::from(one));
+    let mut sum = 0i32;
     match metric {
-        Metric::L2 => differences.map(|d| i32::from(d) * i32::from(d)).sum::<i32>() as u32,
-        Metric::L1 => differences.map(|d| i32::from(d.abs())).sum::<i32>() as u32,
+        Metric::L2 => {
+            for (&one, &other) in one.iter().zip(other) {
+                let apart = i32::from(other - i16::from(one));
+                sum += apart * apart;
+            }
+        }
+        Metric::L1 => {
+            for (&one, &other) in one.iter().zip(other) {
+                sum += i32::from((other - i16::from(one)).abs());
+            }
+        }
     }
+    sum as u32
 }
 
 /// A distance of at most `reach` steps, as codes have it (squared for L2), rounded up.

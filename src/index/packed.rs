@@ -16,8 +16,8 @@
 //!   180 us at 100 k rows, 550 instead of 870 us at 1 M. Codes of points instead of finer keys (7 more directions in
 //!   `f32`), which leave tens of rows to measure instead of hundreds: 490 us at 1 M. Codes of keys and no branches on
 //!   what was just read: 410 us. No proposals of another tree before: 68 us at 100 k, 260 us at 1 M.
-//! * Won: the same code compiled for AVX2 as well (see `wide.rs`): 320 -> 260 us at 1 M, 80 -> 60 us at 100 k, medians of three
-//!   alternating runs.
+//! * Won: the same code compiled for AVX2 as well (see `wide.rs`): medians of four alternating runs of the program 440 -> 330 us at
+//!   1 M rows, 100 -> 75 us at 100 k.
 //! * Lost: steps of 4 or 8 groups at first (twice the time at 10 k rows); byte arithmetic in whole numbers, which the
 //!   compiler turns the wrong way round (160 instead of 118 us at 100 k).
 
@@ -71,7 +71,8 @@ impl Packed {
     /// limit from then on, which must not grow, or `None` to end the sweep. True if it was not ended.
     ///
     /// Memory is what it waits for, so each step goes over all that the one before left and collects without a branch on
-    /// what was just read: the processor then reads ahead.
+    /// what was just read: the processor then reads ahead. Loops are plain here: what iterators do with closures need not be
+    /// inlined, and would then know no wide vectors.
     pub(super) fn sweep(
         &self,
         point: &[f32],
@@ -101,12 +102,22 @@ impl Packed {
             let (threshold, key_threshold) =
                 (probe.threshold(limit), self.key_steps.threshold(&own_key, limit + probe.slack()));
             blocks.clear();
-            near.iter().for_each(|&(_, group)| self.blocks.within(group, probe, threshold, &mut blocks));
+            for &(_, group) in &near {
+                self.blocks.within(group, probe, threshold, &mut blocks);
+            }
             places.clear();
-            blocks.iter().for_each(|&(_, block)| self.rows_within(block, &own_key, key_threshold, &mut places));
+            for &(_, block) in &blocks {
+                self.rows_within(block, &own_key, key_threshold, &mut places);
+            }
             let mut code_threshold = self.steps.threshold(&own, limit);
-            let coded = places.iter().map(|&place| Reverse((self.bound(place, &own), place)));
-            let mut coded: BinaryHeap<_> = coded.filter(|&Reverse((bound, _))| bound <= code_threshold).collect();
+            let mut coded = Vec::with_capacity(places.len());
+            for &place in &places {
+                let bound = self.bound(place, &own);
+                if bound <= code_threshold {
+                    coded.push(Reverse((bound, place)));
+                }
+            }
+            let mut coded = BinaryHeap::from(coded);
             while let Some(Reverse((bound, place))) = coded.pop()
                 && bound <= code_threshold
             {
@@ -130,7 +141,9 @@ impl Packed {
         for sixteen in 0..self.clusters.sixteens() {
             self.clusters.within(sixteen as u32, probe, threshold, &mut clusters);
         }
-        clusters.iter().for_each(|&(_, cluster)| self.groups.within(cluster, probe, threshold, &mut groups));
+        for &(_, cluster) in &clusters {
+            self.groups.within(cluster, probe, threshold, &mut groups);
+        }
         groups
     }
 
@@ -144,7 +157,11 @@ impl Packed {
             Metric::L2 => add_lanes(keys, &own.code, |d| d * d),
             Metric::L1 => add_lanes(keys, &own.code, f32::abs),
         };
-        append(places, std::array::from_fn(|lane| (first + lane as u32, bounds[lane] <= threshold)));
+        let mut within = [(0, false); LANES];
+        for (lane, within) in within.iter_mut().enumerate() {
+            *within = (first + lane as u32, bounds[lane] <= threshold);
+        }
+        append(places, within);
         // The last block may have fewer rows.
         while places.last().is_some_and(|&place| place as usize >= self.rows.len()) {
             places.pop();
@@ -199,13 +216,16 @@ fn nearest(groups: &mut Vec<(f32, u32)>, some: usize) -> Vec<(f32, u32)> {
 /// Appends those that are wanted, without a branch for each.
 #[inline(always)]
 fn append<T: Copy + Default>(to: &mut Vec<T>, candidates: [(T, bool); LANES]) {
-    let mut wanted = [T::default(); LANES];
-    let mut count = 0;
-    for (candidate, is_wanted) in candidates {
-        wanted[count % LANES] = candidate;
-        count += usize::from(is_wanted);
+    let (from, mut count) = (to.len(), 0);
+    to.resize(from + LANES, T::default());
+    if let Some(slots) = to[from..].first_chunk_mut::<LANES>() {
+        for (candidate, is_wanted) in candidates {
+            // As many as came before at most: never out of bounds.
+            slots[count % LANES] = candidate;
+            count += usize::from(is_wanted);
+        }
     }
-    to.extend_from_slice(&wanted[..count]);
+    to.truncate(from + count);
 }
 
 /// Puts entries in an order in which near ones stand together: see the module.
@@ -291,7 +311,11 @@ impl Boxes {
         let Some(boxes) = self.lanes.get(sixteen * self.width * 2..(sixteen + 1) * self.width * 2) else { return };
         let bounds = probe.box_distances(boxes);
         let first = (sixteen * LANES) as u32;
-        append(found, std::array::from_fn(|lane| ((bounds[lane], first + lane as u32), bounds[lane] <= threshold)));
+        let mut within = [((0.0, 0), false); LANES];
+        for (lane, within) in within.iter_mut().enumerate() {
+            *within = ((bounds[lane], first + lane as u32), bounds[lane] <= threshold);
+        }
+        append(found, within);
     }
 }
 
