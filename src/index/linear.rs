@@ -85,3 +85,27 @@ pub(super) fn measure(points: &Points, question: &Question<'_>, row: usize, best
     }
     admitted
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::index::Metric;
+
+    #[test]
+    fn wide_vectors_change_no_bit() {
+        let value = |row: usize, i: usize| ((row * 37 + 11) as f32 * (i as f32 + 1.7).sqrt()).sin();
+        for (metric, dims) in [(Metric::L2, 24), (Metric::L1, 24), (Metric::L2, 3)] {
+            let values: Vec<f32> = (0..3000 * dims).map(|at| value(at / dims, at % dims)).collect();
+            let ids: Vec<u64> = (0..3000).collect();
+            let points = Points::from_rows(metric, dims, &ids, &values).unwrap();
+            for from in [0, 17, 2990] {
+                let point: Vec<f32> = values[..dims].iter().map(|v| v + 0.01).collect();
+                let question = Question::nearest(&point, 12);
+                let [mut wide, mut narrow] = [(); 2].map(|()| Best::new(&question, 3000));
+                scan(&points, &question, from, &mut wide);
+                scan_here(&points, &question, from, &mut narrow);
+                assert_eq!(wide.into_sorted(), narrow.into_sorted());
+            }
+        }
+    }
+}

@@ -348,6 +348,17 @@ mod tests {
                 visited.push(row);
                 Some(f64::INFINITY)
             }));
+            // The same, in the same order, without wide vectors.
+            for limit in [f64::INFINITY, 0.7] {
+                let [mut wide, mut narrow] = [vec![], vec![]];
+                let near = |seen: &mut Vec<u32>, row| {
+                    seen.push(row);
+                    Some(limit)
+                };
+                packed.sweep(point, &points.probe(point), limit, |row| near(&mut wide, row));
+                packed.sweep_here(point, &points.probe(point), limit, |row| near(&mut narrow, row));
+                assert_eq!(wide, narrow);
+            }
             visited.sort_unstable();
             assert_eq!(visited, (0..rows as u32).collect::<Vec<_>>());
             assert!(!packed.sweep(point, &points.probe(point), f64::INFINITY, |_| None));
