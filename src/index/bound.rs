@@ -238,31 +238,6 @@ impl Probe {
         self.lanes(coarse.leading, block, &self.key.fine)
     }
 
-    /// The computed distances of the key from boxes (squared for L2): two arrays for each number of a key, the least and
-    /// the greatest. 0 inside a box, infinite for one that is empty (its least infinite).
-    #[inline(always)]
-    pub(super) fn box_distances(&self, boxes: &KeyBlock) -> [f32; LANES] {
-        match self.metric {
-            Metric::L2 => self.box_lanes(boxes, |d| d * d),
-            Metric::L1 => self.box_lanes(boxes, |d| d),
-        }
-    }
-
-    #[inline(always)]
-    fn box_lanes(&self, boxes: &KeyBlock, term: impl Fn(f32) -> f32) -> [f32; LANES] {
-        let mut sums = [0.0f32; LANES];
-        let (pairs, _) = boxes.as_chunks::<2>();
-        for ([least, most], &own) in pairs.iter().zip(&self.key.coarse) {
-            for lane in 0..LANES {
-                let (below, above) = (least[lane] - own, own - most[lane]);
-                // Plain comparisons: single instructions on vectors, which `f32::max` is not.
-                let outside = if below > above { below } else { above };
-                sums[lane] += term(if outside > 0.0 { outside } else { 0.0 });
-            }
-        }
-        sums
-    }
-
     #[inline(always)]
     fn lanes(&self, sums: [f32; LANES], block: &KeyBlock, key: &[f32]) -> [f32; LANES] {
         match self.metric {

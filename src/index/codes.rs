@@ -118,6 +118,11 @@ impl Steps {
         (steps, codes)
     }
 
+    /// How many numbers are coded.
+    pub(super) fn numbers(&self) -> usize {
+        self.middles.len()
+    }
+
     /// The code of some numbers; returns how far they are from what it stands for.
     fn put(&self, numbers: &[f32], code: &mut [i8]) -> f64 {
         let mut sum = 0.0;

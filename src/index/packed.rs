@@ -2,13 +2,11 @@
 //!
 //! Rows are put in order by halving them again and again, each part where its keys vary most (a k-d order that looks at
 //! the rows, not at the level), so 16 of them (a *block*) have a small bounding box, and so have 16 blocks (a *group*)
-//! and 16 groups (a *cluster*). Boxes stand interleaved like keys (see `bound.rs`): one pass bounds 16 clusters, another
-//! the 16 groups of a cluster, another the 16 blocks of a group, another the 16 rows of a block. A box's bound is never
-//! above that of a key in it, to the last bit: its differences are smaller and the same operations in the same order
-//! round monotonically. So no margin is needed beyond that of keys.
-//!
-//! Rows themselves are bounded by codes (see `codes.rs`), of their keys first and then of their points: 15 and 32 bytes
-//! instead of 64 and 128, so that a million rows of 32 coordinates take 55 MB here.
+//! and 16 groups (a *cluster*). Rows are bounded by codes (see `codes.rs`), of their keys first and then of their points: 15
+//! and 32 bytes instead of 64 and 128, so that a million rows of 32 coordinates take 55 MB here. Boxes are of the keys'
+//! codes too, and as these are whole numbers a box is never farther away than a code in it. Boxes and codes stand interleaved:
+//! one pass bounds 16 clusters, another the 16 groups of a cluster, another the 16 blocks of a group, another the 16 rows
+//! of a block.
 //!
 //! Measured (32 coordinates of real descriptors, k = 10, one busy core, medians of a thousand questions, in one run):
 //!
@@ -18,6 +16,8 @@
 //!   what was just read: 410 us. No proposals of another tree before: 68 us at 100 k, 260 us at 1 M.
 //! * Won: the same code compiled for AVX2 as well (see `wide.rs`): medians of four alternating runs of the program 440 -> 330 us at
 //!   1 M rows, 100 -> 75 us at 100 k.
+//! * Won: asking for blocks before they are looked at, and boxes of all 15 numbers: 270 -> 220 us at 1 M in the middle of three
+//!   alternating runs (boxes of codes of 8 or 11 numbers were no better than those of 8 in `f32`).
 //! * Lost: steps of 4 or 8 groups at first (twice the time at 10 k rows); byte arithmetic in whole numbers, which the
 //!   compiler turns the wrong way round (160 instead of 118 us at 100 k).
 
@@ -26,7 +26,7 @@ use std::collections::BinaryHeap;
 
 use super::bound::{LANES, Probe};
 use super::codes::{self, Coded, Steps};
-use super::wide::with_wide_vectors;
+use super::wide::{read_ahead, with_wide_vectors};
 use super::{Metric, Points};
 
 /// Rows in a group and in a cluster.
@@ -61,7 +61,7 @@ impl Packed {
         let (steps, codes) =
             Steps::code(points.metric(), &rows, points.dims(), |row, into| into.copy_from_slice(points.row(row)));
         let keys = interleaved(&key_codes, points.key_numbers());
-        let blocks = Boxes::around(&entries);
+        let blocks = Boxes::around(points.metric(), &keys, points.key_numbers(), rows.len());
         let groups = blocks.around_sixteens();
         let clusters = groups.around_sixteens();
         Self { rows, keys, key_steps, codes, steps, blocks, groups, clusters }
@@ -95,23 +95,32 @@ impl Packed {
         mut visit: impl FnMut(u32) -> Option<f64>,
     ) -> bool {
         let (own_key, own) = (self.key_steps.of(&probe.numbers()), self.steps.of(point));
-        let mut groups = self.groups_within(probe, probe.threshold(limit));
+        let reach = |limit: f64| self.key_steps.threshold(&own_key, limit + probe.slack()) as f32;
+        let mut groups = self.groups_within(&own_key, reach(limit));
         let (mut blocks, mut places, mut some) = (vec![], vec![], 1);
         while !groups.is_empty() {
             let near = nearest(&mut groups, some);
-            let (threshold, key_threshold) =
-                (probe.threshold(limit), self.key_steps.threshold(&own_key, limit + probe.slack()));
+            let threshold = reach(limit);
             blocks.clear();
-            for &(_, group) in &near {
-                self.blocks.within(group, probe, threshold, &mut blocks);
+            for (at, &(_, group)) in near.iter().enumerate() {
+                if let Some(&(_, soon)) = near.get(at + AHEAD) {
+                    self.blocks.read_ahead(soon);
+                }
+                self.blocks.within(group, &own_key, threshold, &mut blocks);
             }
             places.clear();
-            for &(_, block) in &blocks {
-                self.rows_within(block, &own_key, key_threshold, &mut places);
+            for (at, &(_, block)) in blocks.iter().enumerate() {
+                if let Some(&(_, soon)) = blocks.get(at + AHEAD) {
+                    read_ahead(self.keys_of(soon));
+                }
+                self.rows_within(block, &own_key, threshold, &mut places);
             }
             let mut code_threshold = self.steps.threshold(&own, limit);
             let mut coded = Vec::with_capacity(places.len());
-            for &place in &places {
+            for (at, &place) in places.iter().enumerate() {
+                if let Some(&soon) = places.get(at + AHEAD) {
+                    read_ahead(self.code(soon));
+                }
                 let bound = self.bound(place, &own);
                 if bound <= code_threshold {
                     coded.push(Reverse((bound, place)));
@@ -127,7 +136,7 @@ impl Packed {
                     code_threshold = self.steps.threshold(&own, limit);
                 }
             }
-            let threshold = probe.threshold(limit);
+            let threshold = reach(limit);
             groups.retain(|&(bound, _)| bound <= threshold);
             some *= GROWTH;
         }
@@ -136,23 +145,21 @@ impl Packed {
 
     /// The groups that are at most `threshold` away, and how far.
     #[inline(always)]
-    fn groups_within(&self, probe: &Probe, threshold: f32) -> Vec<(f32, u32)> {
+    fn groups_within(&self, own: &Coded, threshold: f32) -> Vec<(f32, u32)> {
         let (mut clusters, mut groups) = (vec![], vec![]);
         for sixteen in 0..self.clusters.sixteens() {
-            self.clusters.within(sixteen as u32, probe, threshold, &mut clusters);
+            self.clusters.within(sixteen as u32, own, threshold, &mut clusters);
         }
         for &(_, cluster) in &clusters {
-            self.groups.within(cluster, probe, threshold, &mut groups);
+            self.groups.within(cluster, own, threshold, &mut groups);
         }
         groups
     }
 
     /// Appends the places of the rows of a block whose keys' codes are at most `threshold` away.
     #[inline(always)]
-    fn rows_within(&self, block: u32, own: &Coded, threshold: u32, places: &mut Vec<u32>) {
-        let threshold = threshold as f32;
-        let (first, numbers) = (block * LANES as u32, own.code.len());
-        let Some(keys) = self.keys.get(block as usize * numbers..(block as usize + 1) * numbers) else { return };
+    fn rows_within(&self, block: u32, own: &Coded, threshold: f32, places: &mut Vec<u32>) {
+        let (first, keys) = (block * LANES as u32, self.keys_of(block));
         let bounds = match self.key_steps.metric {
             Metric::L2 => add_lanes(keys, &own.code, |d| d * d),
             Metric::L1 => add_lanes(keys, &own.code, f32::abs),
@@ -168,11 +175,24 @@ impl Packed {
         }
     }
 
+    /// The codes of the keys of a block; none where there is no such block.
+    #[inline(always)]
+    fn keys_of(&self, block: u32) -> &[[i8; LANES]] {
+        let (block, numbers) = (block as usize, self.key_steps.numbers());
+        self.keys.get(block * numbers..(block + 1) * numbers).unwrap_or_default()
+    }
+
+    /// The code of the point at a place, which must exist.
+    #[inline(always)]
+    fn code(&self, place: u32) -> &[i8] {
+        let dims = self.steps.numbers();
+        &self.codes[place as usize * dims..][..dims]
+    }
+
     /// The distance of the point at a place from a query, in codes.
     #[inline(always)]
     fn bound(&self, place: u32, own: &Coded) -> u32 {
-        let dims = own.code.len();
-        codes::distance(self.steps.metric, &self.codes[place as usize * dims..][..dims], &own.code)
+        codes::distance(self.steps.metric, self.code(place), &own.code)
     }
 }
 
@@ -199,6 +219,9 @@ fn interleaved(codes: &[i8], numbers: usize) -> Vec<[i8; LANES]> {
     }
     lanes
 }
+
+/// So many blocks, or rows, are asked for before they are looked at.
+const AHEAD: usize = 6;
 
 /// Each step looks at so many times the groups of the one before: the limit is known better.
 const GROWTH: usize = 8;
@@ -260,42 +283,46 @@ fn widest<const K: usize>(entries: &[Entry<K>]) -> usize {
     (0..K).max_by(|&a, &b| variance(a).total_cmp(&variance(b))).unwrap_or(0)
 }
 
-/// Boxes around things that stand in order, 16 of them interleaved: `2 width` arrays, the least and the greatest of each
-/// number of a key in turn. Where there are no more things, boxes are infinitely far away.
+/// Boxes around codes of keys that stand in order, 16 of them interleaved: the least and the greatest of each number of a
+/// key in turn. Where there are no more things, boxes are those of nothing: nothing is in them.
 struct Boxes {
-    width: usize,
+    metric: Metric,
+    numbers: usize,
     count: usize,
-    lanes: Vec<[f32; LANES]>,
+    lanes: Vec<[i8; LANES]>,
 }
 
 impl Boxes {
-    /// Around every 16 entries.
-    fn around<const K: usize>(entries: &[Entry<K>]) -> Self {
-        let blocks: Vec<&[Entry<K>]> = entries.chunks(LANES).collect();
-        Self::new(K, blocks.len(), |block, number| extent(blocks[block].iter().map(|(_, key)| [key[number]; 2])))
+    /// Around every 16 of `count` codes of `numbers` each, which stand interleaved.
+    fn around(metric: Metric, keys: &[[i8; LANES]], numbers: usize, count: usize) -> Self {
+        Self::new(metric, numbers, count.div_ceil(LANES), |block, number| {
+            let there = (count - block * LANES).min(LANES);
+            extent(keys[block * numbers + number][..there].iter().map(|&code| [code; 2]))
+        })
     }
 
     /// Around every 16 of these boxes.
     fn around_sixteens(&self) -> Self {
-        Self::new(self.width, self.sixteens(), |sixteen, number| {
-            let at = (sixteen * self.width + number) * 2;
-            extent(self.lanes[at].into_iter().zip(self.lanes[at + 1]).map(|(least, most)| [least, most]))
+        Self::new(self.metric, self.numbers, self.sixteens(), |sixteen, number| {
+            let (at, there) = ((sixteen * self.numbers + number) * 2, (self.count - sixteen * LANES).min(LANES));
+            let all = self.lanes[at].into_iter().zip(self.lanes[at + 1]).take(there);
+            extent(all.map(|(least, most)| [least, most]))
         })
     }
 
     /// `extent` gives the least and the greatest of one number of one thing.
-    fn new(width: usize, count: usize, extent: impl Fn(usize, usize) -> [f32; 2]) -> Self {
-        let mut lanes = Vec::with_capacity(count.div_ceil(LANES) * width * 2);
+    fn new(metric: Metric, numbers: usize, count: usize, extent: impl Fn(usize, usize) -> [i8; 2]) -> Self {
+        let mut lanes = Vec::with_capacity(count.div_ceil(LANES) * numbers * 2);
         for first in (0..count).step_by(LANES) {
-            for number in 0..width {
-                let (mut least, mut most) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
+            for number in 0..numbers {
+                let (mut least, mut most) = ([0; LANES], [0; LANES]);
                 for (lane, (least, most)) in least.iter_mut().zip(&mut most).enumerate().take(count - first) {
                     [*least, *most] = extent(first + lane, number);
                 }
                 lanes.extend([least, most]);
             }
         }
-        Self { width, count, lanes }
+        Self { metric, numbers, count, lanes }
     }
 
     /// How many times 16 boxes there are.
@@ -303,25 +330,58 @@ impl Boxes {
         self.count.div_ceil(LANES)
     }
 
+    /// Asks for 16 boxes that will be looked at soon.
+    #[inline(always)]
+    fn read_ahead(&self, sixteen: u32) {
+        let sixteen = sixteen as usize;
+        if let Some(boxes) = self.lanes.get(sixteen * self.numbers * 2..(sixteen + 1) * self.numbers * 2) {
+            read_ahead(boxes);
+        }
+    }
+
     /// Appends those of the `sixteen`th 16 boxes (none where there are no more) that are at most `threshold` away, and how
     /// far.
     #[inline(always)]
-    fn within(&self, sixteen: u32, probe: &Probe, threshold: f32, found: &mut Vec<(f32, u32)>) {
+    fn within(&self, sixteen: u32, own: &Coded, threshold: f32, found: &mut Vec<(f32, u32)>) {
         let sixteen = sixteen as usize;
-        let Some(boxes) = self.lanes.get(sixteen * self.width * 2..(sixteen + 1) * self.width * 2) else { return };
-        let bounds = probe.box_distances(boxes);
+        let Some(boxes) = self.lanes.get(sixteen * self.numbers * 2..(sixteen + 1) * self.numbers * 2) else { return };
+        let bounds = match self.metric {
+            Metric::L2 => box_lanes(boxes, &own.code, |d| d * d),
+            Metric::L1 => box_lanes(boxes, &own.code, |d| d),
+        };
         let first = (sixteen * LANES) as u32;
         let mut within = [((0.0, 0), false); LANES];
         for (lane, within) in within.iter_mut().enumerate() {
             *within = ((bounds[lane], first + lane as u32), bounds[lane] <= threshold);
         }
         append(found, within);
+        // The last boxes may be fewer.
+        while found.last().is_some_and(|&(_, at)| at as usize >= self.count) {
+            found.pop();
+        }
     }
 }
 
+/// How far a code is from 16 boxes, in whole numbers as for [`add_lanes`]; 0 inside a box.
+#[inline(always)]
+fn box_lanes(boxes: &[[i8; LANES]], own: &[i16], term: impl Fn(f32) -> f32) -> [f32; LANES] {
+    let mut sums = [0.0f32; LANES];
+    let (pairs, _) = boxes.as_chunks::<2>();
+    for ([least, most], &own) in pairs.iter().zip(own) {
+        let own = f32::from(own);
+        for lane in 0..LANES {
+            let (below, above) = (f32::from(least[lane]) - own, own - f32::from(most[lane]));
+            // Plain comparisons: single instructions on vectors, which `f32::max` is not.
+            let outside = if below > above { below } else { above };
+            sums[lane] += term(if outside > 0.0 { outside } else { 0.0 });
+        }
+    }
+    sums
+}
+
 /// What holds all of these extents.
-fn extent(all: impl Iterator<Item = [f32; 2]>) -> [f32; 2] {
-    all.fold([f32::INFINITY, f32::NEG_INFINITY], |[least, most], [a, b]| [least.min(a), most.max(b)])
+fn extent(all: impl Iterator<Item = [i8; 2]>) -> [i8; 2] {
+    all.fold([i8::MAX, i8::MIN], |[least, most], [a, b]| [least.min(a), most.max(b)])
 }
 
 #[cfg(test)]
@@ -371,7 +431,8 @@ mod tests {
             (0..5000).map(|row| (row, [((row * 7919) % 5000) as f32, 0.0, 0.5, 0.0])).collect();
         arrange(&mut entries);
         for block in entries.chunks(LANES) {
-            let [least, most] = extent(block.iter().map(|(_, key)| [key[0]; 2]));
+            let least = block.iter().fold(f32::INFINITY, |least, (_, key)| least.min(key[0]));
+            let most = block.iter().fold(0.0, |most: f32, (_, key)| most.max(key[0]));
             assert_eq!(most - least, block.len() as f32 - 1.0);
         }
     }
