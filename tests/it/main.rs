@@ -16,6 +16,7 @@ mod serve;
 mod slabs;
 mod space;
 mod store;
+mod supply;
 mod support;
 mod synth;
 mod trust;
