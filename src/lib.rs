@@ -29,7 +29,7 @@
 //! | [`store`] | records | bytes on disk |
 //! | [`synth`] | recipes | voxels |
 //! | [`Database`], [`ingest`], [`Query`], [`eval`] | all of them | answers |
-//! | [`plot`] | answers | pictures |
+//! | [`render`] | volumes, answers | pictures |
 
 #![deny(unsafe_code)]
 
@@ -38,23 +38,21 @@ mod confined;
 mod database;
 mod error;
 pub mod eval;
-pub mod hlac;
 pub mod index;
 pub mod ingest;
 mod metric;
 #[path = "../migrations/mod.rs"]
 pub mod migrations;
 mod ordered;
-pub mod plot;
 mod progress;
 mod query;
 pub mod recipes;
+pub mod render;
 #[cfg(feature = "serve")]
 pub mod serve;
 pub mod space;
 pub mod store;
 pub mod synth;
-pub mod volume;
 
 /// The examples of the README are compiled and run like any other.
 #[cfg(doctest)]
@@ -72,5 +70,7 @@ pub use database::{
     Verified,
 };
 pub use error::{Error, chain};
+pub use hlac;
+pub use hlacdb_volume as volume;
 pub use progress::Progress;
 pub use query::{Answer, Combine, Hit, Query, UnknownCombine};

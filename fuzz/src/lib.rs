@@ -44,7 +44,7 @@ pub fn seeds(target: &str) -> Vec<PathBuf> {
         files.sort();
         files
     };
-    let volumes = |endings: &[&str]| with("tests/fixtures/volumes", endings);
+    let volumes = |endings: &[&str]| with("crates/volume/tests/fixtures/volumes", endings);
     let mut seeds = match target {
         "npy" => volumes(&[".npy"]),
         "npz" => volumes(&[".npz"]),
@@ -52,8 +52,8 @@ pub fn seeds(target: &str) -> Vec<PathBuf> {
         "metaimage" => volumes(&[".mha", ".mhd"]),
         "nifti" => volumes(&[".nii", ".nii.gz"]),
         "raw" => volumes(&[".raw"]),
-        "tiff" => with("tests/fixtures/pictures", &[".tif"]),
-        "slices" => [with("tests/fixtures/pictures/png", &[".png"]), with("tests/fixtures/pictures/jpeg_grey", &[".jpg"])].concat(),
+        "tiff" => with("crates/volume/tests/fixtures/pictures", &[".tif"]),
+        "slices" => [with("crates/volume/tests/fixtures/pictures/png", &[".png"]), with("crates/volume/tests/fixtures/pictures/jpeg_grey", &[".jpg"])].concat(),
         "recipe" => with("datasets", &[".toml"]),
         _ => Vec::new(),
     };

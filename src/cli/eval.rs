@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 use hlacdb::eval::{self, Evaluation};
-use hlacdb::plot;
+use hlacdb::render::plot;
 use hlacdb::volume::display_path;
 
 use super::bars::Bars;

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
 use hlacdb::index::Method;
-use hlacdb::volume::{self, Volume, sheet};
+use hlacdb::render::sheet;
+use hlacdb::volume::{self, Volume};
 use hlacdb::{Answer, Combine, Database, Query as Question, arrays};
 
 use super::read_arguments::ReadArguments;

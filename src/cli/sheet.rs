@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use hlacdb::volume::{display_path, sheet};
+use hlacdb::{render::sheet, volume::display_path};
 
 use super::table::tags;
 use super::values::{png, whole};

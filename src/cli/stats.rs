@@ -5,8 +5,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use hlacdb::hlac::MASKS;
+use hlacdb::render::plot;
 use hlacdb::volume::display_path;
-use hlacdb::{DEFAULT_SPACE, StatisticsReport, arrays, plot};
+use hlacdb::{DEFAULT_SPACE, StatisticsReport, arrays};
 
 use super::table::{Align, Table, bytes, count};
 use super::values::svg;

@@ -12,8 +12,8 @@ use super::problem::Problem;
 use super::reply::{self, Keep};
 use super::state::App;
 use crate::ContentHash;
+use crate::render::sheet::{self, Axis, Bare};
 use crate::volume::Volume;
-use crate::volume::sheet::{self, Axis, Bare};
 
 /// What is shown: its content, by which answers are known again, and where its voxels are.
 pub(super) struct Shown {

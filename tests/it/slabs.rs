@@ -15,7 +15,7 @@ use crate::support::{stripes, write_npy};
 
 /// Every fixture: files of all formats, folders of slices, and some that are no volume.
 fn fixtures() -> Vec<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/volume/tests/fixtures");
     let list = |folder: &str| fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
     let mut files: Vec<PathBuf> = list("volumes").chain(list("pictures")).collect();
     files.sort();

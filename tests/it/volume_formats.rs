@@ -10,7 +10,7 @@ use hlacdb::volume::{
 use crate::support::shared;
 
 fn fixtures() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/volumes")
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("crates/volume/tests/fixtures/volumes")
 }
 
 fn read(path: &Path, options: &ReadOptions) -> (Volume, Source) {

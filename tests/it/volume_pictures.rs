@@ -11,7 +11,7 @@ use crate::support::shared;
 
 /// A fixture; all are written by `make.py` beside them.
 fn fixture(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/pictures").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/volume/tests/fixtures/pictures").join(name)
 }
 
 fn read_window(name: &str, lo: f64, hi: f64) -> (Volume, Source) {

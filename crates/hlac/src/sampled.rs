@@ -1,0 +1,51 @@
+//! The paper's own way: the sums over windows at random places.
+//!
+//! For fidelity only. A random window costs 35 times a dense one (85 ns for 2.5 on a Zen 4: its cells lie apart, and it
+//! shares no product with a neighbour), so that the exact sums of all windows of a 64^3 volume are cheaper from about 7 000
+//! random windows on, of a 256^3 volume from about 500 000.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use super::Sums;
+use super::extraction::{ExtractError, Spacing};
+use super::kernel::windows::{self, Cells, WINDOWS};
+use hlacdb_volume::Volume;
+
+/// The sums over `windows` windows drawn independently and uniformly (so some may come twice), by ChaCha8 from `seed`.
+///
+/// The same volume, number and seed give the same sums on every machine: Z, Y and X are drawn in this order, each as
+/// `(draw * n) >> 64` of a 64-bit draw and the `n` windows along the axis. `windows == 0` gives [`Sums::ZERO`].
+///
+/// # Errors
+/// [`ExtractError::Windows`] where more are asked for than the volume has: all of them are cheaper and exact.
+pub fn extract_sampled(volume: &Volume, windows: u64, seed: u64) -> Result<Sums, ExtractError> {
+    let there = Spacing::One.windows(volume.shape());
+    if windows > there {
+        return Err(ExtractError::Windows { found: windows, there });
+    }
+    let grey = volume.luma();
+    let (shape, voxels) = (grey.shape(), grey.voxels());
+    let strides = [shape[1] * shape[2], shape[2], 1];
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut sums = Sums { windows, ..Sums::ZERO };
+    let mut left = windows;
+    while left > 0 {
+        // Lanes without a window keep 0 in every cell, which adds nothing to any sum.
+        let mut cells: Cells = [[0; WINDOWS]; 27];
+        let count = left.min(WINDOWS as u64);
+        for window in 0..count as usize {
+            let mut start = 0;
+            for (side, stride) in shape.iter().zip(strides) {
+                let draw = (u128::from(rng.next_u64()) * (side - 2) as u128) >> 64;
+                start += draw as usize * stride;
+            }
+            for (index, cell) in cells.iter_mut().enumerate() {
+                cell[window] = voxels[start + index / 9 * strides[0] + index / 3 % 3 * strides[1] + index % 3];
+            }
+        }
+        windows::add(&cells, &mut sums.values);
+        left -= count;
+    }
+    Ok(sums)
+}
