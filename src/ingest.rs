@@ -12,7 +12,10 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-pub use crate::confined::confined;
+mod confined;
+
+pub use confined::confined;
+
 use crate::database::{Added, BlockOf, Database, Meta, Prepared};
 use crate::error::{Error, chain};
 use crate::ordered;

@@ -34,7 +34,6 @@
 #![deny(unsafe_code)]
 
 pub mod arrays;
-mod confined;
 mod database;
 mod error;
 pub mod eval;

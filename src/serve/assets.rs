@@ -22,7 +22,7 @@ struct Page;
 const INDEX: &str = "index.html";
 
 /// Whatever is not the API.
-pub(super) async fn asset(
+pub(crate) async fn asset(
     State(app): State<Arc<App>>,
     method: Method,
     uri: Uri,

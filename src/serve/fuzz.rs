@@ -12,9 +12,9 @@ use tokio::runtime::{Builder, Runtime};
 use tokio::sync::watch;
 
 use super::listen::router;
+use super::routes::textures;
 use super::settings::{ServeError, Settings};
 use super::state::App;
-use super::textures;
 use crate::Database;
 
 /// So long an answer's body may take.

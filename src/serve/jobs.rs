@@ -19,7 +19,7 @@ const RUNNING: usize = 4;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, utoipa::ToSchema)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum State {
+pub(crate) enum State {
     Running,
     Done,
     Failed,
@@ -28,17 +28,17 @@ pub(super) enum State {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, utoipa::ToSchema)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     Reindex,
     Ingest,
 }
 
 /// A job as callers see it.
 #[derive(Clone, Debug, Serialize, utoipa::ToSchema)]
-pub(super) struct Report {
-    pub(super) id: u64,
+pub(crate) struct Report {
+    pub(crate) id: u64,
     kind: Kind,
-    pub(super) state: State,
+    pub(crate) state: State,
     /// Steps done.
     done: u64,
     /// Steps there are, where that is known.
@@ -50,7 +50,7 @@ pub(super) struct Report {
 }
 
 /// A job under way, or ended.
-pub(super) struct Job {
+pub(crate) struct Job {
     report: watch::Sender<Report>,
     cancelled: AtomicBool,
     /// The server's own end cancels every job.
@@ -58,16 +58,16 @@ pub(super) struct Job {
 }
 
 impl Job {
-    pub(super) fn report(&self) -> Report {
+    pub(crate) fn report(&self) -> Report {
         self.report.borrow().clone()
     }
 
     /// Every change of the report from now on.
-    pub(super) fn watch(&self) -> watch::Receiver<Report> {
+    pub(crate) fn watch(&self) -> watch::Receiver<Report> {
         self.report.subscribe()
     }
 
-    pub(super) fn cancel(&self) {
+    pub(crate) fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
         self.report.send_modify(|report| {
             if report.state == State::Running {
@@ -77,7 +77,7 @@ impl Job {
     }
 
     /// Says what is being done.
-    pub(super) fn say(&self, message: String) {
+    pub(crate) fn say(&self, message: String) {
         self.report.send_modify(|report| report.message = message);
     }
 
@@ -110,35 +110,35 @@ impl Progress for Job {
 }
 
 /// How a job ended that did not fail.
-pub(super) struct Ended {
-    pub(super) state: State,
-    pub(super) message: String,
+pub(crate) struct Ended {
+    pub(crate) state: State,
+    pub(crate) message: String,
 }
 
 /// The jobs of this run, by id.
 #[derive(Default)]
-pub(super) struct Jobs(Mutex<BTreeMap<u64, Arc<Job>>>);
+pub(crate) struct Jobs(Mutex<BTreeMap<u64, Arc<Job>>>);
 
 impl Jobs {
     fn held(&self) -> MutexGuard<'_, BTreeMap<u64, Arc<Job>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn get(&self, id: u64) -> Result<Arc<Job>, Problem> {
+    pub(crate) fn get(&self, id: u64) -> Result<Arc<Job>, Problem> {
         self.held().get(&id).cloned().ok_or_else(|| Problem::not_found(format!("there is no job {id}")))
     }
 
     /// All jobs, the newest first.
-    pub(super) fn reports(&self) -> Vec<Report> {
+    pub(crate) fn reports(&self) -> Vec<Report> {
         self.held().values().rev().map(|job| job.report()).collect()
     }
 
-    pub(super) fn running(&self) -> usize {
+    pub(crate) fn running(&self) -> usize {
         self.held().values().filter(|job| job.report.borrow().state == State::Running).count()
     }
 
     /// Begins a job on a thread of its own.
-    pub(super) fn begin(
+    pub(crate) fn begin(
         app: &Arc<App>,
         kind: Kind,
         work: impl FnOnce(&App, &Job) -> Result<Ended, Problem> + Send + 'static,
@@ -193,7 +193,7 @@ impl Jobs {
 }
 
 /// What a job that was stopped before its end says.
-pub(super) fn stopped(error: Error) -> Result<Ended, Problem> {
+pub(crate) fn stopped(error: Error) -> Result<Ended, Problem> {
     match error {
         Error::Cancelled => Ok(Ended { state: State::Cancelled, message: chain(&Error::Cancelled) }),
         error => Err(error.into()),

@@ -16,7 +16,7 @@ use tower_http::compression::predicate::{DefaultPredicate, NotForContentType, Pr
 
 use super::settings::{ServeError, Settings};
 use super::state::App;
-use super::{assets, guard, metrics, openapi};
+use super::{assets, auth, metrics, openapi};
 use crate::Database;
 
 /// So long a caller may take to send a request's head, or leave a connection idle.
@@ -142,7 +142,7 @@ impl Server {
 }
 
 /// Everything that is answered.
-pub(super) fn router(app: &Arc<App>) -> Router {
+pub(crate) fn router(app: &Arc<App>) -> Router {
     // Pictures are compressed already, and voxels are read on the same machine as a rule.
     let worth_it = DefaultPredicate::new().and(NotForContentType::const_new("application/octet-stream"));
     let compression = CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(worth_it);
@@ -151,7 +151,7 @@ pub(super) fn router(app: &Arc<App>) -> Router {
         .fallback(assets::asset)
         .layer(DefaultBodyLimit::max(limit))
         .layer(compression)
-        .layer(middleware::from_fn_with_state(Arc::clone(app), guard::guard))
+        .layer(middleware::from_fn_with_state(Arc::clone(app), auth::guard))
         .layer(middleware::from_fn_with_state(Arc::clone(app), metrics::count))
         .with_state(Arc::clone(app))
 }

@@ -37,7 +37,7 @@ struct Asked {
 }
 
 /// What is counted.
-pub(super) struct Metrics {
+pub(crate) struct Metrics {
     registry: Registry,
     requests: Family<Answered, Counter>,
     latency: Family<Route, Histogram, fn() -> Histogram>,
@@ -48,7 +48,7 @@ pub(super) struct Metrics {
 }
 
 impl Metrics {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let mut registry = Registry::with_prefix("hlacdb");
         let requests = Family::default();
         registry.register("requests", "Requests answered", requests.clone());
@@ -70,7 +70,7 @@ impl Metrics {
     }
 
     /// Counts a search.
-    pub(super) fn searched(&self, space: &str, index: &str, elapsed: Duration) {
+    pub(crate) fn searched(&self, space: &str, index: &str, elapsed: Duration) {
         let asked = Asked { space: space.to_owned(), index: index.to_owned() };
         self.searches.get_or_create(&asked).observe(elapsed.as_secs_f64());
     }
@@ -89,7 +89,7 @@ impl Metrics {
 }
 
 /// Counts every request by its route, so that ids do not make a series each.
-pub(super) async fn count(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
+pub(crate) async fn count(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let began = std::time::Instant::now();
     let method = request.method().clone();
     let route = request.extensions().get::<MatchedPath>().map_or("(page)", MatchedPath::as_str).to_owned();
@@ -100,7 +100,7 @@ pub(super) async fn count(State(app): State<Arc<App>>, request: Request, next: N
 
 /// Everything that is counted, as Prometheus reads it
 #[utoipa::path(get, path = "/metrics", tag = "server", responses((status = 200, body = String, content_type = "text/plain")))]
-pub(super) async fn metrics(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+pub(crate) async fn metrics(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.quick(|app| {
         app.metrics.textures.set(app.database.len()? as i64);
         app.metrics.revision.set(app.database.revision()? as i64);

@@ -11,29 +11,23 @@
 //! from a program, but not from another site's page in the same browser.
 
 mod assets;
+mod auth;
+mod form;
 #[cfg(feature = "fuzz")]
 #[doc(hidden)]
 #[allow(clippy::panic, reason = "the fuzzer is told by a panic")]
 pub mod fuzz;
-mod guard;
-mod insight;
-mod intake;
 mod jobs;
-mod lane;
+mod limits;
 mod listen;
 mod metrics;
 mod openapi;
-mod pictures;
 mod problem;
-mod query;
 mod reply;
+mod routes;
 mod settings;
 mod state;
-mod textures;
-mod upload;
-mod uploads;
-mod voxels;
-mod work;
+mod upload_cache;
 
 pub use listen::{Server, Stopper};
 pub use settings::{ServeError, Settings};

@@ -11,10 +11,11 @@ use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use super::metrics;
 use super::problem::Problem;
 use super::reply::{self, Keep};
+use super::routes::{add, jobs, pictures, query, store, textures, voxels};
 use super::state::App;
-use super::{insight, metrics, pictures, query, textures, upload, voxels, work};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -37,13 +38,13 @@ struct Description;
 
 fn described() -> OpenApiRouter<Arc<App>> {
     let api = OpenApiRouter::new()
-        .routes(routes!(insight::health))
-        .routes(routes!(insight::statistics))
-        .routes(routes!(insight::spaces))
-        .routes(routes!(insight::tags))
-        .routes(routes!(insight::map))
-        .routes(routes!(insight::explain))
-        .routes(routes!(textures::list, upload::add))
+        .routes(routes!(store::health))
+        .routes(routes!(store::statistics))
+        .routes(routes!(store::spaces))
+        .routes(routes!(store::tags))
+        .routes(routes!(store::map))
+        .routes(routes!(store::explain))
+        .routes(routes!(textures::list, add::add))
         .routes(routes!(textures::get, textures::remove))
         .routes(routes!(textures::descriptor))
         .routes(routes!(textures::set_tags))
@@ -57,16 +58,16 @@ fn described() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(pictures::upload_thumbnail))
         .routes(routes!(voxels::upload_voxels))
         .routes(routes!(query::query))
-        .routes(routes!(work::reindex))
-        .routes(routes!(work::ingest))
-        .routes(routes!(work::list))
-        .routes(routes!(work::get, work::cancel))
-        .routes(routes!(work::events));
+        .routes(routes!(jobs::reindex))
+        .routes(routes!(jobs::ingest))
+        .routes(routes!(jobs::list))
+        .routes(routes!(jobs::get, jobs::cancel))
+        .routes(routes!(jobs::events));
     OpenApiRouter::with_openapi(Description::openapi()).nest("/api/v1", api).routes(routes!(metrics::metrics))
 }
 
 /// Every route of the API.
-pub(super) fn routes() -> Router<Arc<App>> {
+pub(crate) fn routes() -> Router<Arc<App>> {
     let (router, _) = described().split_for_parts();
     router.route("/api/v1/openapi.json", get(document))
 }

@@ -9,7 +9,7 @@ use crate::store::StoreError;
 
 /// What went wrong, as `application/problem+json`.
 #[derive(Clone, Debug, Serialize, utoipa::ToSchema)]
-pub(super) struct Problem {
+pub(crate) struct Problem {
     /// Always `about:blank`: the status says what kind of problem it is.
     #[serde(rename = "type")]
     kind: &'static str,
@@ -24,7 +24,7 @@ pub(super) struct Problem {
 }
 
 impl Problem {
-    pub(super) fn new(status: StatusCode, detail: impl Into<String>) -> Self {
+    pub(crate) fn new(status: StatusCode, detail: impl Into<String>) -> Self {
         Self {
             kind: "about:blank",
             title: status.canonical_reason().unwrap_or("Error"),
@@ -34,7 +34,7 @@ impl Problem {
         }
     }
 
-    pub(super) fn of(status: StatusCode, error: &dyn std::error::Error) -> Self {
+    pub(crate) fn of(status: StatusCode, error: &dyn std::error::Error) -> Self {
         let mut problem = Self::new(status, error.to_string());
         let mut cause = error.source();
         while let Some(error) = cause {
@@ -44,36 +44,36 @@ impl Problem {
         problem
     }
 
-    pub(super) fn bad_request(detail: impl Into<String>) -> Self {
+    pub(crate) fn bad_request(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::BAD_REQUEST, detail)
     }
 
-    pub(super) fn not_found(detail: impl Into<String>) -> Self {
+    pub(crate) fn not_found(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::NOT_FOUND, detail)
     }
 
     /// A thread of ours died: the log has more.
-    pub(super) fn internal() -> Self {
+    pub(crate) fn internal() -> Self {
         Self::new(StatusCode::INTERNAL_SERVER_ERROR, "the server stumbled over this request: its log says more")
     }
 
-    pub(super) fn status(&self) -> StatusCode {
+    pub(crate) fn status(&self) -> StatusCode {
         StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
     }
 
     /// What else was wrong.
-    pub(super) fn add_causes(&mut self, causes: impl IntoIterator<Item = String>) {
+    pub(crate) fn add_causes(&mut self, causes: impl IntoIterator<Item = String>) {
         self.causes.extend(causes);
     }
 
     /// Sentence and causes in one line.
-    pub(super) fn sentence(&self) -> String {
+    pub(crate) fn sentence(&self) -> String {
         let causes = self.causes.iter().map(String::as_str);
         std::iter::once(self.detail.as_str()).chain(causes).collect::<Vec<_>>().join(": ")
     }
 
     /// With every text passed through `show`.
-    pub(super) fn map(mut self, show: impl Fn(&str) -> String) -> Self {
+    pub(crate) fn map(mut self, show: impl Fn(&str) -> String) -> Self {
         self.detail = show(&self.detail);
         self.causes = self.causes.iter().map(|cause| show(cause)).collect();
         self

@@ -9,7 +9,7 @@ use super::problem::Problem;
 
 /// How long an answer may be used without asking.
 #[derive(Clone, Copy)]
-pub(super) enum Keep {
+pub(crate) enum Keep {
     /// Ask each time whether it has changed.
     Check,
     /// What is shown of a content never changes, but the texture of an id may be removed.
@@ -26,7 +26,7 @@ impl Keep {
 }
 
 /// The entity tag of an answer that is made of these parts: weak, since it may be compressed on its way.
-pub(super) fn tag_of(parts: &[&[u8]]) -> String {
+pub(crate) fn tag_of(parts: &[&[u8]]) -> String {
     let mut hasher = blake3::Hasher::new();
     for part in parts {
         hasher.update(&(part.len() as u64).to_le_bytes()).update(part);
@@ -36,7 +36,7 @@ pub(super) fn tag_of(parts: &[&[u8]]) -> String {
 }
 
 /// True where the caller has an answer with this tag already.
-pub(super) fn is_known(headers: &HeaderMap, tag: &str) -> bool {
+pub(crate) fn is_known(headers: &HeaderMap, tag: &str) -> bool {
     let known = |value: &HeaderValue| {
         let Ok(value) = value.to_str() else { return false };
         let bare = tag.trim_start_matches("W/");
@@ -46,7 +46,7 @@ pub(super) fn is_known(headers: &HeaderMap, tag: &str) -> bool {
 }
 
 /// An answer with its tag; `304 Not Modified` where the caller has it already, in which case `body` is not asked for.
-pub(super) fn tagged(
+pub(crate) fn tagged(
     headers: &HeaderMap,
     tag: &str,
     keep: Keep,
@@ -69,7 +69,7 @@ pub(super) fn tagged(
 }
 
 /// A JSON document as bytes.
-pub(super) fn document(value: &impl Serialize) -> Result<Bytes, Problem> {
+pub(crate) fn document(value: &impl Serialize) -> Result<Bytes, Problem> {
     let bytes = serde_json::to_vec(value).map_err(|error| {
         tracing::error!(%error, "an answer cannot be written as JSON");
         Problem::internal()
@@ -78,12 +78,12 @@ pub(super) fn document(value: &impl Serialize) -> Result<Bytes, Problem> {
 }
 
 /// A JSON answer that is made anew each time.
-pub(super) fn json(value: &impl Serialize) -> Result<Response, Problem> {
+pub(crate) fn json(value: &impl Serialize) -> Result<Response, Problem> {
     let headers = [(header::CONTENT_TYPE, JSON), (header::CACHE_CONTROL, "no-store")];
     Ok((headers, document(value)?).into_response())
 }
 
 /// The kind of JSON answers.
-pub(super) const JSON: &str = "application/json";
+pub(crate) const JSON: &str = "application/json";
 /// The kind of pictures.
-pub(super) const PNG: &str = "image/png";
+pub(crate) const PNG: &str = "image/png";

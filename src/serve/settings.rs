@@ -60,7 +60,7 @@ impl Default for Settings {
 
 impl Settings {
     /// Refuses settings under which anybody could come in, or nobody.
-    pub(super) fn check(&self) -> Result<(), ServeError> {
+    pub(crate) fn check(&self) -> Result<(), ServeError> {
         match &self.token {
             None if !self.address.ip().is_loopback() => Err(ServeError::NeedsToken { address: self.address }),
             Some(token) if token.len() < SHORTEST_TOKEN || !token.bytes().all(|byte| byte.is_ascii_graphic()) => {
@@ -70,7 +70,7 @@ impl Settings {
         }
     }
 
-    pub(super) fn lanes(&self) -> usize {
+    pub(crate) fn lanes(&self) -> usize {
         match self.concurrency {
             0 => 2 * std::thread::available_parallelism().map_or(2, std::num::NonZero::get),
             set => set,

@@ -12,12 +12,12 @@ use quick_cache::sync::Cache;
 use tokio::sync::watch;
 
 use super::jobs::Jobs;
-use super::lane::Lane;
+use super::limits::Lane;
 use super::metrics::Metrics;
 use super::problem::Problem;
 use super::reply::{self, Keep};
 use super::settings::{ServeError, Settings};
-use super::uploads::Uploads;
+use super::upload_cache::Uploads;
 use crate::volume::{Volume, display_path};
 use crate::{Catalogue, Database, Error};
 
@@ -29,35 +29,35 @@ const PICTURE_BYTES: u64 = 96 << 20;
 const VOLUME_BYTES: u64 = 256 << 20;
 
 /// What all requests share.
-pub(super) struct App {
-    pub(super) database: Database,
-    pub(super) settings: Settings,
+pub(crate) struct App {
+    pub(crate) database: Database,
+    pub(crate) settings: Settings,
     /// Short questions: a few milliseconds at most.
-    pub(super) quick: Lane,
+    pub(crate) quick: Lane,
     /// Whatever reads or writes volumes.
-    pub(super) heavy: Lane,
+    pub(crate) heavy: Lane,
     /// Forms being taken in: what waits on the disk is bounded.
-    pub(super) forms: Lane,
+    pub(crate) forms: Lane,
     /// Encoded answers by what they show.
-    pub(super) pictures: Cache<String, Bytes, Bytewise>,
+    pub(crate) pictures: Cache<String, Bytes, Bytewise>,
     /// Volumes by their content.
-    pub(super) volumes: Cache<[u8; 32], Arc<Volume>, Bytewise>,
-    pub(super) uploads: Uploads,
-    pub(super) jobs: Jobs,
-    pub(super) metrics: Metrics,
+    pub(crate) volumes: Cache<[u8; 32], Arc<Volume>, Bytewise>,
+    pub(crate) uploads: Uploads,
+    pub(crate) jobs: Jobs,
+    pub(crate) metrics: Metrics,
     /// The ingest folder, all links in its path resolved.
-    pub(super) ingest_root: Option<PathBuf>,
+    pub(crate) ingest_root: Option<PathBuf>,
     /// Becomes true when the server ends.
-    pub(super) stopping: watch::Receiver<bool>,
+    pub(crate) stopping: watch::Receiver<bool>,
     /// Tells this run of the server from every other one: revisions of stores are small numbers.
-    pub(super) run: String,
+    pub(crate) run: String,
     /// The revision of the last change that a request made.
     changed: AtomicU64,
 }
 
 /// Weighs by bytes.
 #[derive(Clone)]
-pub(super) struct Bytewise;
+pub(crate) struct Bytewise;
 
 impl Weighter<String, Bytes> for Bytewise {
     fn weight(&self, key: &String, value: &Bytes) -> u64 {
@@ -72,7 +72,7 @@ impl Weighter<[u8; 32], Arc<Volume>> for Bytewise {
 }
 
 impl App {
-    pub(super) fn new(
+    pub(crate) fn new(
         database: Database,
         settings: Settings,
         stopping: watch::Receiver<bool>,
@@ -103,7 +103,7 @@ impl App {
     }
 
     /// Work on the database, on a thread that may block.
-    pub(super) async fn quick<T: Send + 'static>(
+    pub(crate) async fn quick<T: Send + 'static>(
         self: &Arc<Self>,
         work: impl FnOnce(&Self) -> Result<T, Problem> + Send + 'static,
     ) -> Result<T, Problem> {
@@ -111,7 +111,7 @@ impl App {
     }
 
     /// The same for what takes longer, or much memory.
-    pub(super) async fn heavy<T: Send + 'static>(
+    pub(crate) async fn heavy<T: Send + 'static>(
         self: &Arc<Self>,
         work: impl FnOnce(&Self) -> Result<T, Problem> + Send + 'static,
     ) -> Result<T, Problem> {
@@ -139,12 +139,12 @@ impl App {
     }
 
     /// The list of all textures, every change that a request made included.
-    pub(super) fn catalogue(&self) -> Result<Arc<Catalogue>, Error> {
+    pub(crate) fn catalogue(&self) -> Result<Arc<Catalogue>, Error> {
         self.database.catalogue(self.changed.load(Ordering::Acquire))
     }
 
     /// A JSON answer that costs some work: made once for each tag.
-    pub(super) fn kept(
+    pub(crate) fn kept(
         &self,
         headers: &HeaderMap,
         tag: &str,
@@ -161,7 +161,7 @@ impl App {
     }
 
     /// Reads what the first requests would wait for.
-    pub(super) fn warm_up(&self) {
+    pub(crate) fn warm_up(&self) {
         let read = self.catalogue().and_then(|_| self.database.space(crate::DEFAULT_SPACE));
         if let Err(error) = read {
             tracing::warn!(error = crate::chain(&error), "the store could not be read ahead");
@@ -169,13 +169,13 @@ impl App {
     }
 
     /// To be called after every change: lists that are asked for from now on show it.
-    pub(super) fn note_change(&self) -> Result<(), Error> {
+    pub(crate) fn note_change(&self) -> Result<(), Error> {
         self.changed.fetch_max(self.database.revision()?, Ordering::AcqRel);
         Ok(())
     }
 
     /// Refuses to change a store that is only to be looked at.
-    pub(super) fn may_change(&self) -> Result<(), Problem> {
+    pub(crate) fn may_change(&self) -> Result<(), Problem> {
         if self.settings.read_only {
             let sentence = "this server shows the store and does not change it: start it without --read-only to do so";
             return Err(Problem::new(StatusCode::FORBIDDEN, sentence));
@@ -185,7 +185,7 @@ impl App {
 
     /// A text of the library without the machine's own paths: the store is called by its name, and files by their path below
     /// the folder they are ingested from.
-    pub(super) fn shown(&self, text: &str) -> String {
+    pub(crate) fn shown(&self, text: &str) -> String {
         let mut text = text.to_owned();
         if let Some(root) = &self.ingest_root {
             text = without(&text, root);

@@ -10,14 +10,14 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 
 use super::pictures::Shown;
-use super::problem::Problem;
-use super::reply;
-use super::state::App;
+use crate::serve::problem::Problem;
+use crate::serve::reply;
+use crate::serve::state::App;
 use crate::volume::Volume;
 
 #[derive(Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
-pub(super) struct VoxelsQuery {
+pub(crate) struct VoxelsQuery {
     /// No side longer than this: longer axes are averaged by whole blocks, each by its own factor, so that proportions are
     /// those of the texture's shape, not of `X-Shape`. 8 or more.
     edge: Option<usize>,
@@ -29,7 +29,7 @@ pub(super) struct VoxelsQuery {
         (status = 200, content_type = "application/octet-stream",
             headers(("X-Shape" = String, description = "Z,Y,X"), ("X-Channels" = u8, description = "1 or 3"))),
         (status = 206, content_type = "application/octet-stream"), (status = 304), (status = 404, body = Problem), (status = 416)))]
-pub(super) async fn voxels(
+pub(crate) async fn voxels(
     State(app): State<Arc<App>>,
     Path(id): Path<u64>,
     Query(query): Query<VoxelsQuery>,
@@ -42,7 +42,7 @@ pub(super) async fn voxels(
 #[utoipa::path(get, path = "/uploads/{token}/voxels", tag = "pictures", params(("token" = String, Path), VoxelsQuery),
     responses((status = 200, content_type = "application/octet-stream"), (status = 206, content_type = "application/octet-stream"),
         (status = 304), (status = 404, body = Problem), (status = 416)))]
-pub(super) async fn upload_voxels(
+pub(crate) async fn upload_voxels(
     State(app): State<Arc<App>>,
     Path(token): Path<String>,
     Query(query): Query<VoxelsQuery>,

@@ -7,10 +7,10 @@ use axum::http::HeaderMap;
 use axum::response::Response;
 use serde::{Deserialize, Serialize};
 
-use super::problem::Problem;
-use super::reply::{self, Keep};
-use super::state::App;
 use crate::DEFAULT_SPACE;
+use crate::serve::problem::Problem;
+use crate::serve::reply::{self, Keep};
+use crate::serve::state::App;
 
 #[derive(Serialize, utoipa::ToSchema)]
 struct Health {
@@ -25,7 +25,7 @@ struct Health {
 /// Whether all is well
 #[utoipa::path(get, path = "/health", tag = "server",
     responses((status = 200, body = Health, content_type = "application/json"), (status = 500, body = Problem)))]
-pub(super) async fn health(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+pub(crate) async fn health(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.quick(|app| {
         reply::json(&Health {
             status: "ok",
@@ -41,7 +41,7 @@ pub(super) async fn health(State(app): State<Arc<App>>) -> Result<Response, Prob
 /// Sizes, settings, the default space, normalisation statistics, drift
 #[utoipa::path(get, path = "/statistics", tag = "store",
     responses((status = 200, body = Object, description = "As `hlacdb --json stats`", content_type = "application/json")))]
-pub(super) async fn statistics(State(app): State<Arc<App>>, headers: HeaderMap) -> Result<Response, Problem> {
+pub(crate) async fn statistics(State(app): State<Arc<App>>, headers: HeaderMap) -> Result<Response, Problem> {
     app.heavy(move |app| {
         let tag = reply::tag_of(&[b"statistics", app.run.as_bytes(), &app.database.revision()?.to_le_bytes()]);
         app.kept(&headers, &tag, || reply::document(&app.database.statistics()?))
@@ -69,7 +69,7 @@ struct Space {
 
 /// The spaces that can be asked in
 #[utoipa::path(get, path = "/spaces", tag = "likeness", responses((status = 200, body = Spaces, content_type = "application/json")))]
-pub(super) async fn spaces(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+pub(crate) async fn spaces(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.heavy(|app| {
         let spaces = app.database.spaces()?.into_iter().map(|space| Space {
             name: space.name().to_owned(),
@@ -107,7 +107,7 @@ struct Value<'a> {
 
 /// All tags, their values, and how many textures carry each
 #[utoipa::path(get, path = "/tags", tag = "store", responses((status = 200, body = Tags, content_type = "application/json")))]
-pub(super) async fn tags(State(app): State<Arc<App>>, headers: HeaderMap) -> Result<Response, Problem> {
+pub(crate) async fn tags(State(app): State<Arc<App>>, headers: HeaderMap) -> Result<Response, Problem> {
     app.quick(move |app| {
         let catalogue = app.catalogue()?;
         let tag = reply::tag_of(&[b"tags", app.run.as_bytes(), &catalogue.revision().to_le_bytes()]);
@@ -125,7 +125,7 @@ pub(super) async fn tags(State(app): State<Arc<App>>, headers: HeaderMap) -> Res
 
 #[derive(Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
-pub(super) struct MapQuery {
+pub(crate) struct MapQuery {
     /// In which space; `default` unless said.
     space: Option<String>,
     /// The tag whose values colour the map.
@@ -154,7 +154,7 @@ struct MapDocument {
 /// Every texture as a place in the plane, by the two axes along which the points of a space vary most
 #[utoipa::path(get, path = "/map", tag = "likeness", params(MapQuery),
     responses((status = 200, body = MapDocument, content_type = "application/json"), (status = 422, body = Problem)))]
-pub(super) async fn map(
+pub(crate) async fn map(
     State(app): State<Arc<App>>,
     Query(query): Query<MapQuery>,
     headers: HeaderMap,
@@ -197,7 +197,7 @@ fn drawn(app: &App, space: &str, key: Option<&str>, limit: usize) -> Result<MapD
 
 #[derive(Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
-pub(super) struct ExplainQuery {
+pub(crate) struct ExplainQuery {
     /// The one texture.
     a: u64,
     /// The other.
@@ -210,7 +210,7 @@ pub(super) struct ExplainQuery {
 #[utoipa::path(get, path = "/explain", tag = "likeness", params(ExplainQuery),
     responses((status = 200, body = Object, description = "Shares of the distance", content_type = "application/json"),
         (status = 404, body = Problem), (status = 422, body = Problem)))]
-pub(super) async fn explain(
+pub(crate) async fn explain(
     State(app): State<Arc<App>>,
     Query(query): Query<ExplainQuery>,
 ) -> Result<Response, Problem> {

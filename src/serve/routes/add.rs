@@ -7,11 +7,11 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
-use super::intake::Intake;
-use super::problem::Problem;
-use super::reply;
-use super::state::App;
 use crate::ingest;
+use crate::serve::form::Intake;
+use crate::serve::problem::Problem;
+use crate::serve::reply;
+use crate::serve::state::App;
 
 #[derive(utoipa::ToSchema)]
 #[allow(dead_code, reason = "describes the form")]
@@ -49,7 +49,7 @@ struct Failed {
         (status = 200, description = "Everything was there already", body = Report, content_type = "application/json"),
         (status = 403, body = Problem), (status = 413, body = Problem),
         (status = 422, description = "None of the files is a volume", body = Problem)))]
-pub(super) async fn add(State(app): State<Arc<App>>, form: Multipart) -> Result<Response, Problem> {
+pub(crate) async fn add(State(app): State<Arc<App>>, form: Multipart) -> Result<Response, Problem> {
     app.may_change()?;
     let intake = Intake::receive(&app, form).await?;
     app.heavy(move |app| ingested(app, &intake).map_err(|problem| problem.map(|text| intake.shown(text)))).await

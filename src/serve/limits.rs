@@ -12,18 +12,18 @@ use super::problem::Problem;
 const LONGEST_QUEUE: usize = 512;
 
 /// Bounds how much work is done at once.
-pub(super) struct Lane {
+pub(crate) struct Lane {
     places: Arc<Semaphore>,
     waiting: AtomicUsize,
 }
 
 impl Lane {
-    pub(super) fn new(width: usize) -> Self {
+    pub(crate) fn new(width: usize) -> Self {
         Self { places: Arc::new(Semaphore::new(width.max(1))), waiting: AtomicUsize::new(0) }
     }
 
     /// A place, held until it is dropped.
-    pub(super) async fn place(&self) -> Result<OwnedSemaphorePermit, Problem> {
+    pub(crate) async fn place(&self) -> Result<OwnedSemaphorePermit, Problem> {
         let waiting = Waiting::begin(&self.waiting);
         if waiting.number >= LONGEST_QUEUE {
             return Err(Problem::new(StatusCode::SERVICE_UNAVAILABLE, "too many requests are waiting: try again soon"));

@@ -9,10 +9,10 @@ use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 
-use super::problem::Problem;
-use super::reply::{self, Keep};
-use super::state::App;
 use crate::hlac::View;
+use crate::serve::problem::Problem;
+use crate::serve::reply::{self, Keep};
+use crate::serve::state::App;
 use crate::store::Provenance;
 use crate::volume::display_path;
 use crate::{BlockOf, Listed, Order, Selection, Texture};
@@ -23,7 +23,7 @@ const PAGE: usize = 100;
 
 #[derive(Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
-pub(super) struct ListQuery {
+pub(crate) struct ListQuery {
     /// How many of the list to pass over.
     #[serde(default)]
     offset: usize,
@@ -49,13 +49,13 @@ struct List<'a> {
 }
 
 /// The `where=KEY=VALUE` of a query.
-pub(super) fn filters(uri: &Uri) -> Result<Vec<(String, String)>, Problem> {
+pub(crate) fn filters(uri: &Uri) -> Result<Vec<(String, String)>, Problem> {
     let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else { return Ok(Vec::new()) };
     pairs.into_iter().filter(|(key, _)| key == "where").map(|(_, filter)| parse_filter(&filter)).collect()
 }
 
 /// `KEY=VALUE`, split at the first `=`.
-pub(super) fn parse_filter(filter: &str) -> Result<(String, String), Problem> {
+pub(crate) fn parse_filter(filter: &str) -> Result<(String, String), Problem> {
     match filter.split_once('=') {
         Some((key, value)) if !key.is_empty() => Ok((key.to_owned(), value.to_owned())),
         _ => Err(Problem::bad_request(format!("'{}' is not KEY=VALUE", filter.escape_debug()))),
@@ -65,7 +65,7 @@ pub(super) fn parse_filter(filter: &str) -> Result<(String, String), Problem> {
 /// The textures, page by page
 #[utoipa::path(get, path = "/textures", tag = "textures", params(ListQuery),
     responses((status = 200, body = List, content_type = "application/json"), (status = 400, body = Problem)))]
-pub(super) async fn list(
+pub(crate) async fn list(
     State(app): State<Arc<App>>,
     Query(query): Query<ListQuery>,
     uri: Uri,
@@ -142,7 +142,7 @@ impl Detail {
 /// One texture
 #[utoipa::path(get, path = "/textures/{id}", tag = "textures", params(("id" = u64, Path)),
     responses((status = 200, body = Detail, content_type = "application/json"), (status = 404, body = Problem)))]
-pub(super) async fn get(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
+pub(crate) async fn get(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
     app.quick(move |app| {
         let texture = app.database.texture(id)?;
         let windows = app.database.sums(id)?.map(|sums| sums.windows);
@@ -153,7 +153,7 @@ pub(super) async fn get(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Res
 
 #[derive(Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
-pub(super) struct DescriptorQuery {
+pub(crate) struct DescriptorQuery {
     /// Which view; `full@1` unless said.
     view: Option<String>,
 }
@@ -172,7 +172,7 @@ struct Descriptor {
 /// The 251 values of a texture in one view
 #[utoipa::path(get, path = "/textures/{id}/descriptor", tag = "textures", params(("id" = u64, Path), DescriptorQuery),
     responses((status = 200, body = Descriptor, content_type = "application/json"), (status = 404, body = Problem)))]
-pub(super) async fn descriptor(
+pub(crate) async fn descriptor(
     State(app): State<Arc<App>>,
     Path(id): Path<u64>,
     Query(query): Query<DescriptorQuery>,
@@ -198,7 +198,7 @@ pub(super) async fn descriptor(
     request_body = BTreeMap<String, String>,
     responses((status = 200, body = Detail, content_type = "application/json"), (status = 404, body = Problem),
         (status = 422, body = Problem)))]
-pub(super) async fn set_tags(
+pub(crate) async fn set_tags(
     State(app): State<Arc<App>>,
     Path(id): Path<u64>,
     Json(tags): Json<BTreeMap<String, String>>,
@@ -214,7 +214,7 @@ pub(super) async fn set_tags(
 /// Take a tag off a texture
 #[utoipa::path(delete, path = "/textures/{id}/tags/{key}", tag = "textures", params(("id" = u64, Path), ("key" = String, Path)),
     responses((status = 200, body = Detail, content_type = "application/json"), (status = 404, body = Problem)))]
-pub(super) async fn unset_tag(
+pub(crate) async fn unset_tag(
     State(app): State<Arc<App>>,
     Path((id, key)): Path<(u64, String)>,
 ) -> Result<Response, Problem> {
@@ -232,7 +232,7 @@ fn changed_tags(app: &App, id: u64, set: &[(String, String)], unset: &[String]) 
 /// Remove a texture
 #[utoipa::path(delete, path = "/textures/{id}", tag = "textures", params(("id" = u64, Path)),
     responses((status = 204), (status = 404, body = Problem)))]
-pub(super) async fn remove(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
+pub(crate) async fn remove(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
     app.may_change()?;
     app.heavy(move |app| {
         app.database.remove(&[id])?;

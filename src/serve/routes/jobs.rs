@@ -13,20 +13,20 @@ use axum::response::{IntoResponse, Response};
 use futures_util::stream::{self, Stream};
 use serde::{Deserialize, Serialize};
 
-use super::intake::{self, BLOCKS};
-use super::jobs::{self, Ended, Job, Jobs, Kind, Report, State as JobState};
-use super::problem::Problem;
-use super::reply;
-use super::state::App;
 use crate::Reindex;
 use crate::ingest::{self, Options, Status};
+use crate::serve::form::{self, BLOCKS};
+use crate::serve::jobs::{self, Ended, Job, Jobs, Kind, Report, State as JobState};
+use crate::serve::problem::Problem;
+use crate::serve::reply;
+use crate::serve::state::App;
 
 /// Two events of a job are at least so far apart.
 const PACE: Duration = Duration::from_millis(100);
 
 #[derive(Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct ReindexAsked {
+pub(crate) struct ReindexAsked {
     /// Describe every texture whose voxels are kept anew.
     #[serde(default)]
     reextract: bool,
@@ -36,7 +36,7 @@ pub(super) struct ReindexAsked {
 #[utoipa::path(post, path = "/jobs/reindex", tag = "jobs", request_body = ReindexAsked,
     responses((status = 202, body = Report, content_type = "application/json"), (status = 403, body = Problem),
         (status = 409, body = Problem)))]
-pub(super) async fn reindex(
+pub(crate) async fn reindex(
     State(app): State<Arc<App>>,
     asked: Option<Json<ReindexAsked>>,
 ) -> Result<Response, Problem> {
@@ -54,7 +54,7 @@ pub(super) async fn reindex(
 
 #[derive(Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct IngestAsked {
+pub(crate) struct IngestAsked {
     /// A file or folder, by its path below the folder that may be ingested from; the whole folder where it is empty.
     #[serde(default)]
     path: String,
@@ -71,7 +71,7 @@ pub(super) struct IngestAsked {
 #[utoipa::path(post, path = "/jobs/ingest", tag = "jobs", request_body = IngestAsked,
     responses((status = 202, body = Report, content_type = "application/json"), (status = 403, body = Problem),
         (status = 404, body = Problem), (status = 409, body = Problem)))]
-pub(super) async fn ingest(State(app): State<Arc<App>>, Json(asked): Json<IngestAsked>) -> Result<Response, Problem> {
+pub(crate) async fn ingest(State(app): State<Arc<App>>, Json(asked): Json<IngestAsked>) -> Result<Response, Problem> {
     app.may_change()?;
     let Some(root) = app.ingest_root.clone() else {
         let sentence = "this server has no folder to ingest from: start it with --ingest-folder, or send the files";
@@ -81,14 +81,14 @@ pub(super) async fn ingest(State(app): State<Arc<App>>, Json(asked): Json<Ingest
         return Err(Problem::bad_request(format!("{side} is no side of a block: use 3 to 4096")));
     }
     let mut options = Options {
-        reading: intake::reading(&app),
-        tags: intake::tags(asked.tags)?,
+        reading: form::reading(&app),
+        tags: form::tags(asked.tags)?,
         block: asked.block,
         within: Some(root.clone()),
         ..Options::default()
     };
     if let Some(rule) = &asked.intensity {
-        options.reading.intensity = intake::intensity(rule)?;
+        options.reading.intensity = form::intensity(rule)?;
     }
     let path = app.heavy(move |_| Ok(ingest::confined(&root, &asked.path)?)).await?;
     let report = Jobs::begin(&app, Kind::Ingest, move |app, job| {
@@ -127,21 +127,21 @@ struct List {
 
 /// The jobs of this run of the server, the newest first
 #[utoipa::path(get, path = "/jobs", tag = "jobs", responses((status = 200, body = List, content_type = "application/json")))]
-pub(super) async fn list(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+pub(crate) async fn list(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     reply::json(&List { jobs: app.jobs.reports() })
 }
 
 /// One job
 #[utoipa::path(get, path = "/jobs/{id}", tag = "jobs", params(("id" = u64, Path)),
     responses((status = 200, body = Report, content_type = "application/json"), (status = 404, body = Problem)))]
-pub(super) async fn get(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
+pub(crate) async fn get(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
     reply::json(&app.jobs.get(id)?.report())
 }
 
 /// Stop a job at the next safe place; what it has made durable stays
 #[utoipa::path(delete, path = "/jobs/{id}", tag = "jobs", params(("id" = u64, Path)),
     responses((status = 202, body = Report, content_type = "application/json"), (status = 404, body = Problem)))]
-pub(super) async fn cancel(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
+pub(crate) async fn cancel(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
     let job = app.jobs.get(id)?;
     job.cancel();
     accepted(&job.report())
@@ -150,7 +150,7 @@ pub(super) async fn cancel(State(app): State<Arc<App>>, Path(id): Path<u64>) -> 
 /// How far a job is, as it goes: events `progress`, and a last one, `end`
 #[utoipa::path(get, path = "/jobs/{id}/events", tag = "jobs", params(("id" = u64, Path)),
     responses((status = 200, body = Report, content_type = "text/event-stream"), (status = 404, body = Problem)))]
-pub(super) async fn events(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
+pub(crate) async fn events(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
     let job = app.jobs.get(id)?;
     Ok(Sse::new(told(&app, &job)).keep_alive(KeepAlive::new().interval(Duration::from_secs(15))).into_response())
 }

@@ -8,16 +8,16 @@ use axum::http::HeaderMap;
 use axum::response::Response;
 use serde::Deserialize;
 
-use super::problem::Problem;
-use super::reply::{self, Keep};
-use super::state::App;
 use crate::ContentHash;
 use crate::render::sheet::{self, Axis, Bare};
+use crate::serve::problem::Problem;
+use crate::serve::reply::{self, Keep};
+use crate::serve::state::App;
 use crate::volume::Volume;
 
 /// What is shown: its content, by which answers are known again, and where its voxels are.
-pub(super) struct Shown {
-    pub(super) content: [u8; 32],
+pub(crate) struct Shown {
+    pub(crate) content: [u8; 32],
     subject: Subject,
 }
 
@@ -28,7 +28,7 @@ enum Subject {
 
 impl Shown {
     /// A texture of the store, whose voxels must be kept.
-    pub(super) fn texture(app: &App, id: u64) -> Result<Self, Problem> {
+    pub(crate) fn texture(app: &App, id: u64) -> Result<Self, Problem> {
         let catalogue = app.catalogue()?;
         let (voxels, content) = match catalogue.get(id) {
             Some(texture) => (texture.voxels, texture.content),
@@ -45,14 +45,14 @@ impl Shown {
     }
 
     /// A volume that was asked with.
-    pub(super) fn upload(app: &App, token: &str) -> Result<Self, Problem> {
+    pub(crate) fn upload(app: &App, token: &str) -> Result<Self, Problem> {
         let gone = || Problem::not_found("there is no such upload: only the last few are kept, send the file again");
         let upload = app.uploads.get(token).ok_or_else(gone)?;
         Ok(Self { content: upload.content, subject: Subject::Upload(Arc::clone(&upload.volume)) })
     }
 
     /// The voxels.
-    pub(super) fn volume(&self, app: &App) -> Result<Arc<Volume>, Problem> {
+    pub(crate) fn volume(&self, app: &App) -> Result<Arc<Volume>, Problem> {
         match &self.subject {
             Subject::Upload(volume) => Ok(Arc::clone(volume)),
             &Subject::Texture(id) => {
@@ -112,7 +112,7 @@ fn scale(scale: Option<u32>) -> Result<u32, Problem> {
 
 #[derive(Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
-pub(super) struct SlicesQuery {
+pub(crate) struct SlicesQuery {
     /// Slices across which axis: `z` (unless said), `y` or `x`.
     axis: Option<String>,
     /// Slices in a row; 8 unless said.
@@ -133,7 +133,7 @@ pub(super) struct SlicesQuery {
 /// All slices of a texture, side by side
 #[utoipa::path(get, path = "/textures/{id}/slices.png", tag = "pictures", params(("id" = u64, Path), SlicesQuery),
     responses((status = 200, content_type = "image/png"), (status = 304), (status = 404, body = Problem)))]
-pub(super) async fn slices(
+pub(crate) async fn slices(
     State(app): State<Arc<App>>,
     Path(id): Path<u64>,
     Query(query): Query<SlicesQuery>,
@@ -192,7 +192,7 @@ fn draw_slices(
 
 #[derive(Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
-pub(super) struct SliceQuery {
+pub(crate) struct SliceQuery {
     /// Across which axis: `z` (unless said), `y` or `x`.
     axis: Option<String>,
     /// Which slice, from 0; the middle one unless said.
@@ -204,7 +204,7 @@ pub(super) struct SliceQuery {
 /// One slice of a texture
 #[utoipa::path(get, path = "/textures/{id}/slice.png", tag = "pictures", params(("id" = u64, Path), SliceQuery),
     responses((status = 200, content_type = "image/png"), (status = 304), (status = 404, body = Problem)))]
-pub(super) async fn slice(
+pub(crate) async fn slice(
     State(app): State<Arc<App>>,
     Path(id): Path<u64>,
     Query(query): Query<SliceQuery>,
@@ -232,7 +232,7 @@ fn draw_slice(app: &App, headers: &HeaderMap, shown: &Shown, query: &SliceQuery)
 
 #[derive(Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
-pub(super) struct ThumbnailQuery {
+pub(crate) struct ThumbnailQuery {
     /// The side in pixels, at most 1024; 96 unless said.
     size: Option<u32>,
 }
@@ -240,7 +240,7 @@ pub(super) struct ThumbnailQuery {
 /// The middle slice of a texture, square
 #[utoipa::path(get, path = "/textures/{id}/thumbnail.png", tag = "pictures", params(("id" = u64, Path), ThumbnailQuery),
     responses((status = 200, content_type = "image/png"), (status = 304), (status = 404, body = Problem)))]
-pub(super) async fn thumbnail(
+pub(crate) async fn thumbnail(
     State(app): State<Arc<App>>,
     Path(id): Path<u64>,
     Query(query): Query<ThumbnailQuery>,
@@ -260,7 +260,7 @@ fn draw_thumbnail(app: &App, headers: &HeaderMap, shown: &Shown, query: &Thumbna
 /// All slices of an upload, side by side
 #[utoipa::path(get, path = "/uploads/{token}/slices.png", tag = "pictures", params(("token" = String, Path), SlicesQuery),
     responses((status = 200, content_type = "image/png"), (status = 304), (status = 404, body = Problem)))]
-pub(super) async fn upload_slices(
+pub(crate) async fn upload_slices(
     State(app): State<Arc<App>>,
     Path(token): Path<String>,
     Query(query): Query<SlicesQuery>,
@@ -273,7 +273,7 @@ pub(super) async fn upload_slices(
 /// One slice of an upload
 #[utoipa::path(get, path = "/uploads/{token}/slice.png", tag = "pictures", params(("token" = String, Path), SliceQuery),
     responses((status = 200, content_type = "image/png"), (status = 304), (status = 404, body = Problem)))]
-pub(super) async fn upload_slice(
+pub(crate) async fn upload_slice(
     State(app): State<Arc<App>>,
     Path(token): Path<String>,
     Query(query): Query<SliceQuery>,
@@ -286,7 +286,7 @@ pub(super) async fn upload_slice(
 #[utoipa::path(get, path = "/uploads/{token}/thumbnail.png", tag = "pictures",
     params(("token" = String, Path), ThumbnailQuery),
     responses((status = 200, content_type = "image/png"), (status = 304), (status = 404, body = Problem)))]
-pub(super) async fn upload_thumbnail(
+pub(crate) async fn upload_thumbnail(
     State(app): State<Arc<App>>,
     Path(token): Path<String>,
     Query(query): Query<ThumbnailQuery>,

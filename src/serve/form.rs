@@ -9,11 +9,11 @@ use axum::http::StatusCode;
 use tempfile::TempDir;
 use tokio::io::AsyncWriteExt;
 
-use super::guard::too_large;
+use super::auth::too_large;
 use super::problem::Problem;
+use super::routes::textures::parse_filter;
 use super::settings::Settings;
 use super::state::App;
-use super::textures::parse_filter;
 use crate::ingest::Options;
 use crate::volume::{self, ReadOptions};
 
@@ -25,17 +25,17 @@ const LONGEST_FIELD: usize = 1 << 20;
 const LONGEST_NAME: usize = 240;
 
 /// The files and fields of a form.
-pub(super) struct Intake {
+pub(crate) struct Intake {
     /// Removed, with all that is in it, when this is dropped.
     folder: TempDir,
     /// The names of the files, in the order in which they came.
     names: Vec<String>,
-    pub(super) fields: Vec<(String, String)>,
+    pub(crate) fields: Vec<(String, String)>,
 }
 
 impl Intake {
     /// Takes a form in, file by file, without holding one in memory.
-    pub(super) async fn receive(app: &Arc<App>, mut form: Multipart) -> Result<Self, Problem> {
+    pub(crate) async fn receive(app: &Arc<App>, mut form: Multipart) -> Result<Self, Problem> {
         let _place = app.forms.place().await?;
         let broken = |error: MultipartError| refused(app, &error);
         let folder = tempfile::Builder::new().prefix("hlacdb-").tempdir().map_err(failed)?;
@@ -66,7 +66,7 @@ impl Intake {
 
     /// Where the volumes are that came, and the folder below which their paths mean something to the sender. Slices are
     /// one volume, called by what their names share.
-    pub(super) fn volumes(&self) -> Result<(Vec<PathBuf>, PathBuf), Problem> {
+    pub(crate) fn volumes(&self) -> Result<(Vec<PathBuf>, PathBuf), Problem> {
         if self.names.is_empty() {
             return Err(Problem::bad_request("the form has no file: send one or more as `file`"));
         }
@@ -81,7 +81,7 @@ impl Intake {
     }
 
     /// How the files are read and tagged, as the fields say: `tag` (`KEY=VALUE`, repeated), `intensity`, `block`.
-    pub(super) fn options(&self, app: &App) -> Result<Options, Problem> {
+    pub(crate) fn options(&self, app: &App) -> Result<Options, Problem> {
         let mut options = Options { reading: reading(app), ..Options::default() };
         for (key, value) in &self.fields {
             match key.as_str() {
@@ -99,7 +99,7 @@ impl Intake {
     }
 
     /// A text of the library without the folder that the files lie in for a moment.
-    pub(super) fn shown(&self, text: &str) -> String {
+    pub(crate) fn shown(&self, text: &str) -> String {
         let folder = self.folder.path();
         let inner = volume::display_path(&folder.join(FILES));
         let stack = volume::display_path(&folder.join(stack_name(&self.names)));
@@ -113,7 +113,7 @@ impl Intake {
 const FILES: &str = "files";
 
 /// How files of strangers are read.
-pub(super) fn reading(app: &App) -> ReadOptions {
+pub(crate) fn reading(app: &App) -> ReadOptions {
     let &Settings { max_voxels, max_inflated, .. } = &app.settings;
     ReadOptions { max_voxels, max_inflated, ..ReadOptions::default() }
 }
@@ -126,7 +126,7 @@ fn tag(text: &str) -> Result<(String, String), Problem> {
     }
 }
 
-pub(super) fn tags(tags: BTreeMap<String, String>) -> Result<BTreeMap<String, String>, Problem> {
+pub(crate) fn tags(tags: BTreeMap<String, String>) -> Result<BTreeMap<String, String>, Problem> {
     match tags.iter().find(|(key, value)| key.is_empty() || value.is_empty()) {
         Some((key, value)) => {
             let sentence =
@@ -137,7 +137,7 @@ pub(super) fn tags(tags: BTreeMap<String, String>) -> Result<BTreeMap<String, St
     }
 }
 
-pub(super) fn intensity(text: &str) -> Result<volume::Intensity, Problem> {
+pub(crate) fn intensity(text: &str) -> Result<volume::Intensity, Problem> {
     text.parse().map_err(|error: volume::IntensityError| Problem::bad_request(error.to_string()))
 }
 
@@ -147,7 +147,7 @@ fn block(text: &str) -> Result<usize, Problem> {
 }
 
 /// The sides that a block may have.
-pub(super) const BLOCKS: std::ops::RangeInclusive<usize> = 3..=4096;
+pub(crate) const BLOCKS: std::ops::RangeInclusive<usize> = 3..=4096;
 
 /// The last part of a name, without what could make it mean something else to the file system.
 fn safe_name(given: &str) -> String {

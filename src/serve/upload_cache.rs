@@ -13,23 +13,23 @@ const MOST: usize = 16;
 const BYTES: usize = 256 << 20;
 
 /// A volume that was asked with.
-pub(super) struct Upload {
+pub(crate) struct Upload {
     /// By which it is named: nobody guesses it.
-    pub(super) token: String,
-    pub(super) name: String,
-    pub(super) volume: Arc<Volume>,
-    pub(super) content: [u8; 32],
+    pub(crate) token: String,
+    pub(crate) name: String,
+    pub(crate) volume: Arc<Volume>,
+    pub(crate) content: [u8; 32],
     /// Its moments in the views of the store.
-    pub(super) moments: Vec<(View, [f32; MASK_COUNT])>,
+    pub(crate) moments: Vec<(View, [f32; MASK_COUNT])>,
 }
 
 /// The volumes that were asked with last.
 #[derive(Default)]
-pub(super) struct Uploads(Mutex<VecDeque<Arc<Upload>>>);
+pub(crate) struct Uploads(Mutex<VecDeque<Arc<Upload>>>);
 
 impl Uploads {
     /// Keeps an upload; older ones make room for it.
-    pub(super) fn keep(&self, name: String, volume: Volume, moments: Vec<(View, [f32; MASK_COUNT])>) -> Arc<Upload> {
+    pub(crate) fn keep(&self, name: String, volume: Volume, moments: Vec<(View, [f32; MASK_COUNT])>) -> Arc<Upload> {
         let content = volume.content_hash();
         let token = format!("{:016x}{:016x}", RandomState::new().hash_one(content), RandomState::new().hash_one(&name));
         let upload = Arc::new(Upload { token, name, volume: Arc::new(volume), content, moments });
@@ -44,7 +44,7 @@ impl Uploads {
         upload
     }
 
-    pub(super) fn get(&self, token: &str) -> Option<Arc<Upload>> {
+    pub(crate) fn get(&self, token: &str) -> Option<Arc<Upload>> {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let place = kept.iter().position(|upload| upload.token == token)?;
         // What is asked with again stays longest.

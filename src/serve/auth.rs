@@ -27,7 +27,7 @@ const HEADERS: [(HeaderName, &str); 5] = [
 ];
 
 /// Lets in who may come in, within the time a request has, and dresses the answer.
-pub(super) async fn guard(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
+pub(crate) async fn guard(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let limit = app.settings.time;
     let mut response = match admit(&app, &request) {
         Err(refused) => refused.into_response(),
@@ -196,7 +196,7 @@ async fn as_problem(app: &App, response: Response) -> Response {
 }
 
 /// The sentence about a body that is too long.
-pub(super) fn too_large(app: &App) -> String {
+pub(crate) fn too_large(app: &App) -> String {
     format!(
         "the body is longer than the {} bytes that this server takes: send less at once, or start it with a larger --max-body",
         app.settings.max_body

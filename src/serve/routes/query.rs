@@ -9,19 +9,19 @@ use axum::http::{StatusCode, header};
 use axum::response::Response;
 use serde::{Deserialize, Serialize};
 
-use super::guard::too_large;
-use super::intake::Intake;
-use super::problem::Problem;
-use super::reply;
-use super::state::App;
 use super::textures::parse_filter;
-use super::uploads::Upload;
+use crate::serve::auth::too_large;
+use crate::serve::form::Intake;
+use crate::serve::problem::Problem;
+use crate::serve::reply;
+use crate::serve::state::App;
+use crate::serve::upload_cache::Upload;
 use crate::volume::{self, Volume, display_path};
 use crate::{Answer, Combine, Error, Query, UnknownCombine};
 
 #[derive(Default, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Asked {
+pub(crate) struct Asked {
     /// Textures of the store: what is looked for is what they share.
     #[serde(default)]
     ids: Vec<u64>,
@@ -117,7 +117,7 @@ const MOST_HITS: usize = 10_000;
     request_body(content((Asked = "application/json"), (Form = "multipart/form-data"))),
     responses((status = 200, body = Answered, content_type = "application/json"), (status = 400, body = Problem),
         (status = 404, body = Problem), (status = 413, body = Problem), (status = 422, body = Problem)))]
-pub(super) async fn query(State(app): State<Arc<App>>, request: Request) -> Result<Response, Problem> {
+pub(crate) async fn query(State(app): State<Arc<App>>, request: Request) -> Result<Response, Problem> {
     let kind = request.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     if kind.starts_with("multipart/form-data") {
         let refused =
@@ -180,14 +180,14 @@ fn part(app: &App, block: &Block) -> Result<Volume, Problem> {
 
 /// A question with its own volume.
 fn by_form(app: &App, intake: &Intake) -> Result<Response, Problem> {
-    let (mut asked, mut reading) = (Asked::default(), super::intake::reading(app));
+    let (mut asked, mut reading) = (Asked::default(), crate::serve::form::reading(app));
     for (key, value) in &intake.fields {
         match key.as_str() {
             "options" => {
                 let wrong = |error| Problem::bad_request(format!("the options are not what this asks for: {error}"));
                 asked = serde_json::from_str(value).map_err(wrong)?;
             }
-            "intensity" => reading.intensity = super::intake::intensity(value)?,
+            "intensity" => reading.intensity = crate::serve::form::intensity(value)?,
             _ => {
                 let sentence =
                     format!("'{}' is no field of this form: use file, options, intensity", key.escape_debug());
