@@ -191,16 +191,16 @@ impl Damage {
 }
 
 impl StoreError {
-    pub(super) fn invalid(what: impl Into<String>) -> Self {
+    pub(in crate::store) fn invalid(what: impl Into<String>) -> Self {
         Self::Invalid { what: what.into() }
     }
 
-    pub(super) fn damage(table: &'static str, key: impl Into<String>, what: impl Into<String>) -> Self {
+    pub(in crate::store) fn damage(table: &'static str, key: impl Into<String>, what: impl Into<String>) -> Self {
         Self::Damage(Damage { table, key: key.into(), what: what.into() })
     }
 
     /// The error of the engine while `doing` something; what it knows as damage or as a dead handle is told as such.
-    pub(super) fn engine(doing: &'static str, error: impl Into<redb::Error>) -> Self {
+    pub(in crate::store) fn engine(doing: &'static str, error: impl Into<redb::Error>) -> Self {
         match error.into() {
             redb::Error::PreviousIo | redb::Error::DatabaseClosed => Self::Poisoned,
             redb::Error::Corrupted(what) => Self::damage("(pages)", "", format!("{what} (while {doing})")),
@@ -211,12 +211,12 @@ impl StoreError {
     }
 
     /// For `map_err`: [`StoreError::engine`] while `doing` something.
-    pub(super) fn when<E: Into<redb::Error>>(doing: &'static str) -> impl Fn(E) -> Self {
+    pub(in crate::store) fn when<E: Into<redb::Error>>(doing: &'static str) -> impl Fn(E) -> Self {
         move |error| Self::engine(doing, error)
     }
 }
 
 /// A path on one line, control characters escaped.
-pub(super) fn show(path: &Path) -> String {
+pub(in crate::store) fn show(path: &Path) -> String {
     path.display().to_string().escape_debug().to_string()
 }

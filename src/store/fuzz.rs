@@ -1,12 +1,15 @@
 //! What the fuzzer drives: every decoder of bytes that come from a file. Built only with the feature `fuzz`.
 
-use super::descriptors::DescriptorBlock;
-use super::frame::{self, Kind};
-use super::header::{Header, Settings, State};
-use super::points::{self, PointsLayout};
-use super::record::StoredRecord;
-use super::rows::RowBlock;
-use super::{codec, keys, sums, voxels};
+use crate::store::format::codec;
+use crate::store::format::descriptors::DescriptorBlock;
+use crate::store::format::frame::{self, Kind};
+use crate::store::format::header::{Header, Settings, State};
+use crate::store::format::keys;
+use crate::store::format::points::{self, PointsLayout};
+use crate::store::format::record::StoredRecord;
+use crate::store::format::rows::RowBlock;
+use crate::store::format::sums;
+use crate::store::format::voxels;
 
 /// Hands the bytes to every decoder, as a whole value and as a payload. None of them may panic.
 pub fn values(bytes: &[u8]) {

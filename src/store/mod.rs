@@ -1,68 +1,55 @@
-//! The store: what is on disk. It knows bytes, records and blocks; it knows no distance.
+//! The store: one file on disk that holds textures and everything derived from them. It knows bytes, records and
+//! blocks; it knows no distance.
 //!
-//! A [`Store`] is one file. [`Store::read`] gives a [`Snapshot`], one consistent state; [`Store::write`] gives the one
-//! [`Transaction`], whose changes are committed all or none. What can be asked of either is in [`Reads`].
+//! [`Store`] is the open file. [`Store::read`] takes a [`Snapshot`], one consistent state; [`Store::write`] begins a
+//! [`Transaction`], whose changes are committed together or not at all. [`Reads`] lists what either can answer.
 //! `docs/format.md` describes every byte.
+//!
+//! | folder | holds |
+//! |---|---|
+//! | `format/` | every type that reaches the disk: keys, frames, records, blocks, and how they are encoded |
+//! | `access/` | the open file, snapshots, reads and transactions |
+//! | `upkeep/` | work over the whole file: verify, compact, copy, salvage, sizes |
+//! | `os/` | the engine's panics, the process that holds the lock, file names |
+//!
+//! Imports go one way: `error` and `os` are lowest, then `format`, `access` and `upkeep`.
 //!
 //! Vocabulary: a *record* is what is known of a texture apart from its numbers; a *row* is a texture's place in the
 //! *descriptor blocks* (moments, per view) and *point blocks* (coordinates, per space); a *tombstone* is the row of a
-//! removed texture; *statistics* and *spaces* are named bytes whose meaning is their owner's.
+//! removed texture; *statistics* and *spaces* are named blobs whose meaning is known to their owner only.
 //!
 //! Invariants, checked by `verify`: a texture is in `textures`, `rows`, `hashes` (where its content is known), `tags`,
-//! `chunks` and `sums` (where its record says so) or in none of them; ids ascend with rows and are never used again;
+//! `chunks` and `sums` (where its record says so), or in none of them; ids ascend with rows and are never reused;
 //! every value carries a checksum that covers its key.
 //!
-//! Not for: knowing what a view, a statistic or a space means, and not for finding anything by likeness.
+//! The store does not know what a view, a statistic or a space means, and finds nothing by likeness.
 
-mod bits;
-mod blob;
-mod codec;
-mod compact;
-mod copy;
-mod descriptors;
-mod discard;
+mod access;
 mod error;
-mod frame;
+mod format;
 #[cfg(feature = "fuzz")]
 #[doc(hidden)]
 pub mod fuzz;
-mod guard;
-mod handle;
-mod header;
-mod holder;
-mod keys;
-mod open_blocks;
-mod pieces;
-mod points;
+mod os;
 mod progress;
-mod reads;
-mod record;
-mod rows;
-mod salvage;
-mod sizes;
-mod snapshot;
-mod sums;
-mod tables;
-mod transaction;
-mod verify;
-mod voxels;
+mod upkeep;
 
-pub use compact::CompactReport;
-pub use copy::Copied;
-pub use descriptors::{DESCRIPTOR_ROWS, DescriptorBlock, ViewCode};
+pub use access::handle::{Options, Store};
+pub use access::reads::{Counts, Reads, Records};
+pub use access::snapshot::Snapshot;
+pub use access::transaction::{NewTexture, Transaction};
 pub use error::{Damage, StoreError};
-pub use guard::panic_is_contained;
-pub use handle::{Options, Store};
-pub use header::{FORMAT_VERSION, Settings, Volumes};
-pub use keys::{MAX_NAME, MAX_TAG_VALUE};
-pub use points::{MAX_POINT_WIDTH, PointsLayout, point_rows_per_block};
+pub use format::descriptors::{DESCRIPTOR_ROWS, DescriptorBlock, ViewCode};
+pub use format::header::{FORMAT_VERSION, Settings, Volumes};
+pub use format::keys::{MAX_NAME, MAX_TAG_VALUE};
+pub use format::points::{MAX_POINT_WIDTH, PointsLayout, point_rows_per_block};
+pub use format::record::{Content, Cut, Provenance, Record, RecordedMapping, StoredVoxels, VoxelFilter, path_bytes};
+pub use format::rows::Rows;
+pub use format::voxels::CompressedVoxels;
+pub use os::panic_boundary::panic_is_contained;
 pub use progress::{Progress, Report, silent};
-pub use reads::{Counts, Reads, Records};
-pub use record::{Content, Cut, Provenance, Record, RecordedMapping, StoredVoxels, VoxelFilter, path_bytes};
-pub use rows::Rows;
-pub use salvage::{Salvaged, SalvagedSettings};
-pub use sizes::TableSize;
-pub use snapshot::Snapshot;
-pub use transaction::{NewTexture, Transaction};
-pub use verify::{DeepCheck, VerifyReport};
-pub use voxels::CompressedVoxels;
+pub use upkeep::compact::CompactReport;
+pub use upkeep::copy::Copied;
+pub use upkeep::salvage::{Salvaged, SalvagedSettings};
+pub use upkeep::sizes::TableSize;
+pub use upkeep::verify::{DeepCheck, VerifyReport};

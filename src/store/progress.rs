@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::StoreError;
+use crate::store::error::StoreError;
 
 /// How far a long job is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub fn silent(_: Progress) -> ControlFlow<()> {
 }
 
 /// Tells `report`; an error where the job is to stop.
-pub(super) fn tell(
+pub(in crate::store) fn tell(
     report: Report<'_>,
     doing: &'static str,
     phase: &'static str,
