@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn a_full_block_fills_its_page_run() {
         let bytes = DescriptorBlock::encoded_len(DESCRIPTOR_ROWS);
-        let room = crate::store::chunks::capacity(18);
+        let room = crate::store::format::chunks::capacity(18);
         assert!(bytes <= room && bytes > room / 50 * 49);
     }
 }
