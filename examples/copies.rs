@@ -8,14 +8,14 @@ use std::collections::BTreeMap;
 use std::error::Error;
 
 use hlacdb::synth::{Nuisance, Range, Recipe};
-use hlacdb::{Database, Query, Reindex, ingest};
+use hlacdb::{Database, Query, ReindexOptions, ingest};
 
 fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
     let folder = tempfile::tempdir()?;
     let database = Database::open(folder.path().join("families.hlacdb"))?;
     let recipe = Recipe::builtin("families")?;
     ingest::synthesise(&database, &recipe.clone().with_nuisance(Nuisance::NONE), &(), &mut |_| {})?;
-    database.reindex(&Reindex::default(), &())?;
+    database.reindex(&ReindexOptions::default(), &())?;
 
     let nuisance = Nuisance {
         brightness: Some(Range { low: 0.05, high: 0.15 }),

@@ -6,7 +6,7 @@
 
 use hlacdb::store::FORMAT_VERSION;
 use hlacdb::volume::Volume;
-use hlacdb::{Database, Meta, Reindex};
+use hlacdb::{Database, Meta, ReindexOptions};
 
 /// The version that this program was written for.
 const VERSION: u32 = 1;
@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         database.add(&texture(n), meta.path(format!("/scans/{n}.npy")))?;
     }
     database.remove(&[3])?;
-    database.reindex(&Reindex::default(), &())?;
+    database.reindex(&ReindexOptions::default(), &())?;
     database.compact(&())?;
     database.add(&texture(7), Meta::named("texture 7").tag("parity", "odd"))?;
     drop(database);

@@ -33,7 +33,6 @@
 
 #![deny(unsafe_code)]
 
-pub mod arrays;
 mod database;
 mod error;
 pub mod eval;
@@ -42,10 +41,7 @@ pub mod ingest;
 mod metric;
 #[path = "../migrations/mod.rs"]
 pub mod migrations;
-mod ordered;
 mod progress;
-mod query;
-pub mod recipes;
 pub mod render;
 #[cfg(feature = "serve")]
 pub mod serve;
@@ -62,14 +58,14 @@ struct Readme;
 #[doc(hidden)]
 pub use database::fuzz_list;
 pub use database::{
-    Added, AxisReport, BackedUp, BlockOf, Catalogue, Compacted, ContentHash, DEFAULT_SPACE, DUPLICATE_DISTANCE,
-    DamageReport, Database, DriftReport, Explained, Exported, IdPoint, Imported, Learn, Listed, Map, Meta,
-    MomentStatistics, NearPair, OpenOptions, Order, Prepared, Quarantined, Reindex, Reindexed, Repair, Repaired,
-    Selection, SettingsReport, SpaceReport, StatisticsReport, TagValues, Texture, TexturesExported, TexturesImported,
-    Verified,
+    Added, Answer, AxisReport, BackupReport, BlockOf, Catalogue, Combine, CompactReport, ContentHash, DEFAULT_SPACE,
+    DUPLICATE_DISTANCE, DamageReport, Database, DriftReport, ExportReport, Hit, IdPoint, ImportReport, Listed, Meta,
+    MomentStatistics, NearPair, NuisanceUpdate, OpenOptions, Order, PairExplanation, Prepared, Quarantined, Query,
+    ReindexOptions, ReindexReport, RepairOptions, RepairReport, Selection, SettingsReport, SpaceReport,
+    StatisticsReport, TagValues, Texture, TextureMap, TexturesExportReport, TexturesImportReport, UnknownCombine,
+    VerifyReport, arrays,
 };
 pub use error::{Error, chain};
 pub use hlac;
 pub use hlacdb_volume as volume;
 pub use progress::Progress;
-pub use query::{Answer, Combine, Hit, Query, UnknownCombine};

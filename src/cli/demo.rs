@@ -212,7 +212,7 @@ fn build(database: &Database, recipe: &Recipe, bars: &Bars) -> Result<Option<Tim
             return Ok(None);
         }
     }
-    database.reindex(&hlacdb::Reindex::default(), bars)?;
+    database.reindex(&hlacdb::ReindexOptions::default(), bars)?;
     times.ingest = began.elapsed().as_secs_f64();
     Ok(Some(times))
 }

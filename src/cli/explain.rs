@@ -3,7 +3,7 @@
 use std::io::Write;
 
 use clap::Args;
-use hlacdb::Explained;
+use hlacdb::PairExplanation;
 
 use super::table::{Align, Table};
 use super::values::whole;
@@ -57,7 +57,7 @@ impl Explain {
     }
 }
 
-fn print(out: &mut impl Write, explained: &Explained) -> Result<(), Failure> {
+fn print(out: &mut impl Write, explained: &PairExplanation) -> Result<(), Failure> {
     let explanation = &explained.explanation;
     if explanation.total <= 0.0 {
         writeln!(out, "nothing keeps them apart: their points are the same")?;

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use clap::Args;
 use hlacdb::synth::Nuisance;
-use hlacdb::{Database, Learn};
+use hlacdb::{Database, NuisanceUpdate};
 
 use super::bars::Bars;
 use super::table::{count, duration};
@@ -28,14 +28,14 @@ pub(crate) struct Reindex {
     /// What should not matter: brightness, contrast, gamma, noise, rotation (separated by commas), or all. Estimated on at most
     /// 512 textures whose voxels are kept, and in force until `prior` forgets it
     #[arg(long, value_name = "WORDS", value_parser = learn)]
-    nuisance: Option<Learn>,
+    nuisance: Option<NuisanceUpdate>,
 }
 
 /// The words after `--nuisance`.
-fn learn(words: &str) -> Result<Learn, String> {
+fn learn(words: &str) -> Result<NuisanceUpdate, String> {
     match words {
-        "prior" => Ok(Learn::Forget),
-        words => words.parse::<Nuisance>().map(Learn::From).map_err(|error| format!("{error}, prior")),
+        "prior" => Ok(NuisanceUpdate::Reset),
+        words => words.parse::<Nuisance>().map(NuisanceUpdate::Estimate).map_err(|error| format!("{error}, prior")),
     }
 }
 
@@ -45,7 +45,7 @@ impl Reindex {
         let bars = Bars::until(context, context.interruptible()?);
         let (began, before) = (Instant::now(), size(&database));
         let report = database.reindex(
-            &hlacdb::Reindex { reextract: self.reextract, nuisance: self.nuisance.unwrap_or_default() },
+            &hlacdb::ReindexOptions { reextract: self.reextract, nuisance: self.nuisance.unwrap_or_default() },
             &bars,
         )?;
         if size(&database) > before + before / 4 {

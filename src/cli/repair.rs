@@ -3,7 +3,7 @@
 use std::io::Write;
 
 use clap::Args;
-use hlacdb::{Database, Repair as Options};
+use hlacdb::{Database, RepairOptions as Options};
 
 use super::bars::Bars;
 use super::table::count;

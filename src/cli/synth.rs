@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use hlacdb::ingest;
-use hlacdb::recipes::{self, Format};
+use hlacdb::ingest::recipes::{self, Format};
 use hlacdb::synth::{Nuisance, Recipe, builtin_names};
 use hlacdb::volume::display_path;
 

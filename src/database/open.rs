@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, RwLock};
 
-use super::Database;
-use super::books::Books;
+use super::handle::Database;
+use super::points::statistics_cache::StatisticsCache;
 use crate::error::Error;
 use crate::hlac::View;
 use crate::store::{Options, Settings, Store, ViewCode, Volumes};
@@ -116,7 +116,7 @@ impl OpenOptions {
         Database {
             path: path.to_path_buf(),
             store,
-            books: Mutex::new(Books::default()),
+            statistics: Mutex::new(StatisticsCache::default()),
             spaces: Arc::default(),
             building: Mutex::new(()),
             filtered: Mutex::new(None),

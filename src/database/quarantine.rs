@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
-use super::Database;
+use super::handle::Database;
 use crate::error::Error;
 use crate::store::{DESCRIPTOR_ROWS, Damage, Reads, StoreError, Transaction};
 
@@ -40,7 +40,7 @@ impl Database {
 }
 
 /// Those of one state, in id order.
-pub(super) fn listed(state: &impl Reads) -> Result<Vec<Quarantined>, Error> {
+pub(crate) fn listed(state: &impl Reads) -> Result<Vec<Quarantined>, Error> {
     let mut found: BTreeMap<u64, Quarantined> = BTreeMap::new();
     for record in state.records() {
         match record {
@@ -63,7 +63,7 @@ pub(super) fn listed(state: &impl Reads) -> Result<Vec<Quarantined>, Error> {
 }
 
 /// Adds the textures whose moments lie in a block that cannot be read.
-pub(super) fn of_block(
+pub(crate) fn of_block(
     state: &impl Reads,
     block: u32,
     damage: &Damage,
@@ -98,7 +98,7 @@ fn noted(state: &impl Reads) -> impl Iterator<Item = (u64, &str)> {
 }
 
 /// Writes the note; where there is nothing to note any more it goes.
-pub(super) fn note(
+pub(crate) fn note(
     transaction: &mut Transaction,
     moments: &BTreeSet<u64>,
     voxels: &BTreeSet<u64>,

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use hlacdb::index::Method;
 use hlacdb::volume::Volume;
-use hlacdb::{Added, Database, Error, Meta, Query, Reindex};
+use hlacdb::{Added, Database, Error, Meta, Query, ReindexOptions};
 use proptest::prelude::*;
 
 /// One step of a history. Numbers are reduced to what there is when the step is taken.
@@ -15,7 +15,7 @@ enum Step {
     Remove { which: u8 },
     Tag { which: u8, value: u8 },
     Query { texture: u8, k: u8, filter: Option<u8> },
-    Reindex,
+    ReindexOptions,
     Reopen,
     Compact,
 }
@@ -26,7 +26,7 @@ fn step() -> impl Strategy<Value = Step> {
         2 => any::<u8>().prop_map(|which| Step::Remove { which }),
         2 => (any::<u8>(), 0..3_u8).prop_map(|(which, value)| Step::Tag { which, value }),
         3 => (0..24_u8, 1..9_u8, proptest::option::of(0..3_u8)).prop_map(|(texture, k, filter)| Step::Query { texture, k, filter }),
-        1 => Just(Step::Reindex),
+        1 => Just(Step::ReindexOptions),
         1 => Just(Step::Reopen),
         1 => Just(Step::Compact),
     ]
@@ -86,8 +86,8 @@ impl Run {
                 }
             }
             Step::Query { texture, k, filter } => self.query(texture, usize::from(k), filter),
-            Step::Reindex => {
-                self.database().reindex(&Reindex::default(), &()).unwrap();
+            Step::ReindexOptions => {
+                self.database().reindex(&ReindexOptions::default(), &()).unwrap();
             }
             Step::Reopen => {
                 self.database = None;
@@ -204,7 +204,7 @@ fn what_was_removed_leaves_no_trace_in_the_statistics() {
     let of = |database: &Database| database.statistics().unwrap().statistics;
     assert_eq!((of(&plain).min, of(&plain).max), (of(&visited).min, of(&visited).max));
     for database in [&plain, &visited] {
-        database.reindex(&Reindex::default(), &()).unwrap();
+        database.reindex(&ReindexOptions::default(), &()).unwrap();
     }
     let hits = |database: &Database| -> Vec<(u64, f64)> {
         database.query(&Query::texture(2)).unwrap().hits.iter().map(|hit| (hit.id, hit.distance)).collect()

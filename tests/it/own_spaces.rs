@@ -4,7 +4,7 @@ use hlacdb::hlac::View;
 use hlacdb::space::{Definition, Form, Kind, Recipe};
 use hlacdb::store::Volumes;
 use hlacdb::synth;
-use hlacdb::{Database, Error, Meta, OpenOptions, Query, Reindex};
+use hlacdb::{Database, Error, Meta, OpenOptions, Query, ReindexOptions};
 
 /// A store of a few families, described in all views; `kept` says whether voxels are kept.
 fn store(folder: &std::path::Path, name: &str, kept: Volumes) -> Database {
@@ -38,7 +38,7 @@ fn a_space_of_ones_own_answers_like_the_others_and_outlives_the_process() {
     // Its statistics are kept up like the others': added before or after, the fit is the same.
     let more = hlacdb::volume::Volume::from_fn([24; 3], |z, y, x| ((z * y + x * 5) % 200) as u8).unwrap();
     database.add(&more, Meta::named("more")).unwrap();
-    database.reindex(&Reindex::default(), &()).unwrap();
+    database.reindex(&ReindexOptions::default(), &()).unwrap();
     let kept_up = database.space("fine").unwrap();
     let other = store(folder.path(), "other.hlacdb", Volumes::Keep);
     other.add(&more, Meta::named("more")).unwrap();
@@ -80,7 +80,7 @@ fn declared_nuisances_matter_less_afterwards() {
     let folder = tempfile::tempdir().unwrap();
     let database = store(folder.path(), "nuisance.hlacdb", Volumes::Keep);
     let noise: synth::Nuisance = "noise".parse().unwrap();
-    let learn = |nuisance| Reindex { nuisance, ..Reindex::default() };
+    let learn = |nuisance| ReindexOptions { nuisance, ..ReindexOptions::default() };
     let apart = || {
         // How far noisy copies are from their textures, by how far textures are from one another.
         let distance =
@@ -95,22 +95,22 @@ fn declared_nuisances_matter_less_afterwards() {
         own / others
     };
     let bytes = |database: &Database| database.space("invariant").unwrap().encode();
-    database.reindex(&Reindex::default(), &()).unwrap();
+    database.reindex(&ReindexOptions::default(), &()).unwrap();
     let (before, with_prior) = (apart(), bytes(&database));
-    let learned = database.reindex(&learn(hlacdb::Learn::From(noise)), &()).unwrap();
+    let learned = database.reindex(&learn(hlacdb::NuisanceUpdate::Estimate(noise)), &()).unwrap();
     assert_eq!(learned.nuisance_pairs, 16 * 8);
     let after = apart();
     assert!(after < before, "{after} {before}");
     assert_eq!(database.statistics().unwrap().settings.nuisance.as_deref(), Some("noise"));
     // It stays in force for later fits, until it is forgotten.
     let kept = bytes(&database);
-    database.reindex(&Reindex::default(), &()).unwrap();
+    database.reindex(&ReindexOptions::default(), &()).unwrap();
     assert_eq!(database.space("invariant").unwrap().axes(), hlacdb::space::Space::decode(&kept).unwrap().axes());
     assert!(database.verify(false, &()).unwrap().ok());
-    database.reindex(&learn(hlacdb::Learn::Forget), &()).unwrap();
+    database.reindex(&learn(hlacdb::NuisanceUpdate::Reset), &()).unwrap();
     let forgotten = database.space("invariant").unwrap();
     assert_eq!(forgotten.axes(), hlacdb::space::Space::decode(&with_prior).unwrap().axes());
 
     let bare = store(folder.path(), "bare.hlacdb", Volumes::None);
-    assert!(matches!(bare.reindex(&learn(hlacdb::Learn::From(noise)), &()), Err(Error::NoVoxels)));
+    assert!(matches!(bare.reindex(&learn(hlacdb::NuisanceUpdate::Estimate(noise)), &()), Err(Error::NoVoxels)));
 }

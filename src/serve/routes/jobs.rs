@@ -13,7 +13,7 @@ use axum::response::{IntoResponse, Response};
 use futures_util::stream::{self, Stream};
 use serde::{Deserialize, Serialize};
 
-use crate::Reindex;
+use crate::ReindexOptions;
 use crate::ingest::{self, Options, Status};
 use crate::serve::form::{self, BLOCKS};
 use crate::serve::jobs::{self, Ended, Job, Jobs, Kind, Report, State as JobState};
@@ -41,7 +41,8 @@ pub(crate) async fn reindex(
     asked: Option<Json<ReindexAsked>>,
 ) -> Result<Response, Problem> {
     app.may_change()?;
-    let options = Reindex { reextract: asked.is_some_and(|Json(asked)| asked.reextract), ..Reindex::default() };
+    let options =
+        ReindexOptions { reextract: asked.is_some_and(|Json(asked)| asked.reextract), ..ReindexOptions::default() };
     let report = Jobs::begin(&app, Kind::Reindex, move |app, job| match app.database.reindex(&options, job) {
         Ok(report) => Ok(Ended {
             state: JobState::Done,

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use hlacdb::hlac::View;
 use hlacdb::store::{Reads, Store, silent};
-use hlacdb::{Database, Error, Meta, OpenOptions, Query, Reindex};
+use hlacdb::{Database, Error, Meta, OpenOptions, Query, ReindexOptions};
 use redb::StorageBackend;
 
 use super::{long, volume};
@@ -148,7 +148,7 @@ enum Act {
     Ingest,
     Tag,
     Remove,
-    Reindex,
+    ReindexOptions,
     Compact,
     Migrate,
 }
@@ -174,7 +174,9 @@ impl Act {
                 Err(Error::Store(hlacdb::store::StoreError::NoSuchTexture { .. })) => {}
                 removed => drop(removed?),
             },
-            Self::Reindex => drop(database.reindex(&Reindex { reextract: true, ..Reindex::default() }, &())?),
+            Self::ReindexOptions => {
+                drop(database.reindex(&ReindexOptions { reextract: true, ..ReindexOptions::default() }, &())?)
+            }
             Self::Compact => drop(database.compact(&())?),
         }
         Ok(())
@@ -290,7 +292,7 @@ fn wherever_a_disk_fails_the_state_is_the_one_before_or_the_one_after() {
     let start = start();
     let old = version_0_on(Disk::default(), Disk::bytes);
     let mut total = 0;
-    for act in [Act::Create, Act::Ingest, Act::Tag, Act::Remove, Act::Reindex, Act::Compact, Act::Migrate] {
+    for act in [Act::Create, Act::Ingest, Act::Tag, Act::Remove, Act::ReindexOptions, Act::Compact, Act::Migrate] {
         let begin: &[u8] = match act {
             Act::Create => &[],
             Act::Migrate => &old,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use hlacdb::migrations::{MigrateOptions, migrate};
-use hlacdb::{Database, Meta, Query, Reindex};
+use hlacdb::{Database, Meta, Query, ReindexOptions};
 
 use super::volume;
 
@@ -28,7 +28,7 @@ fn a_store_of_every_released_version_is_read_changed_and_verified() {
         assert_eq!((hits.len(), hits[0].id, hits[0].distance), (6, 2, 0.0));
         assert_eq!(database.add(&volume(9, 9), Meta::named("new")).unwrap().id(), 8);
         database.remove(&[1]).unwrap();
-        database.reindex(&Reindex { reextract: true, ..Reindex::default() }, &()).unwrap();
+        database.reindex(&ReindexOptions { reextract: true, ..ReindexOptions::default() }, &()).unwrap();
         database.compact(&()).unwrap();
         assert!(database.verify(true, &()).unwrap().ok());
     }

@@ -7,7 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use hlacdb::{Database, Meta, Query, Reindex};
+use hlacdb::{Database, Meta, Query, ReindexOptions};
 use serde_json::Value;
 
 use super::{long, seed, volume};
@@ -223,7 +223,7 @@ fn threads_ask_while_one_adds_removes_and_fits() {
                 database.remove(&[gone]).unwrap();
             }
             if round % 7 == 0 {
-                database.reindex(&Reindex::default(), &()).unwrap();
+                database.reindex(&ReindexOptions::default(), &()).unwrap();
             }
         }
         done.store(true, Ordering::SeqCst);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use hlacdb::hlac::View;
 use hlacdb::space::Definition;
-use hlacdb::{Database, Error, Query, Reindex, Repair};
+use hlacdb::{Database, Error, Query, ReindexOptions, RepairOptions};
 use redb::{TableDefinition, WriteTransaction};
 
 use super::{drop_first, edit, filled, flip, told};
@@ -24,8 +24,8 @@ const POINTS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("points");
 /// What is done to a store behind its back.
 type Change = Box<dyn FnOnce(&WriteTransaction)>;
 
-fn repair(path: &Path) -> hlacdb::Repaired {
-    Database::repair(path, &Repair::default(), &()).unwrap()
+fn repair(path: &Path) -> hlacdb::RepairReport {
+    Database::repair(path, &RepairOptions::default(), &()).unwrap()
 }
 
 /// Every change is found, repaired, and leaves what was there before; the damaged file is kept.
@@ -64,7 +64,7 @@ fn what_can_be_derived_comes_back_to_the_bit() {
         assert!(Database::open(&path).unwrap().verify(true, &()).unwrap().ok(), "{what}");
         assert_eq!(told(&path), before, "{what}");
         let kept = path.with_file_name("textures.hlacdb.damaged");
-        let again = Database::repair(&kept, &Repair { check_only: true, deep: false }, &());
+        let again = Database::repair(&kept, &RepairOptions { check_only: true, deep: false }, &());
         assert!(again.map_or(true, |kept| !kept.damage.is_empty()), "{what}: the damaged file is kept, damaged");
         std::fs::remove_file(kept).unwrap();
         assert_eq!(Database::open(&path).unwrap().add(&super::volume(77, 9), Default::default()).unwrap().id(), 10);
@@ -76,7 +76,7 @@ fn what_can_be_derived_comes_back_to_the_bit() {
 fn a_lost_space_is_fitted_anew_on_all_there_is() {
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 9, 9);
-    Database::open(&path).unwrap().reindex(&Reindex::default(), &()).unwrap();
+    Database::open(&path).unwrap().reindex(&ReindexOptions::default(), &()).unwrap();
     let before = told(&path);
     let names = Database::open(&path).unwrap().space_names().unwrap().len();
     for nth in 0..names {
@@ -114,7 +114,7 @@ fn lost_settings_are_told_by_statistics_and_spaces() {
 fn reindexing_goes_past_damaged_statistics_spaces_and_points() {
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 9, 9);
-    Database::open(&path).unwrap().reindex(&Reindex::default(), &()).unwrap();
+    Database::open(&path).unwrap().reindex(&ReindexOptions::default(), &()).unwrap();
     let before = told(&path);
     for nth in 0..3 {
         edit(&path, flip(STATISTICS, nth, 4000));
@@ -127,7 +127,7 @@ fn reindexing_goes_past_damaged_statistics_spaces_and_points() {
     let error = database.add(&super::volume(77, 9), Default::default()).unwrap_err();
     assert!(error.is_damage() && error.to_string().contains("hlacdb repair"), "{error}");
     database.tag(1, &[], &["t".into()]).unwrap();
-    database.reindex(&Reindex::default(), &()).unwrap();
+    database.reindex(&ReindexOptions::default(), &()).unwrap();
     assert!(database.verify(true, &()).unwrap().ok());
     drop(database);
     assert_eq!(told(&path), before);
@@ -180,7 +180,7 @@ fn what_is_lost_is_quarantined_and_the_rest_goes_on() {
     for n in [3, 7] {
         assert!(matches!(database.add(&super::volume(n, 9), Default::default()).unwrap(), hlacdb::Added::New(_)));
     }
-    database.reindex(&Reindex { reextract: true, ..Reindex::default() }, &()).unwrap();
+    database.reindex(&ReindexOptions { reextract: true, ..ReindexOptions::default() }, &()).unwrap();
     let verified = database.verify(true, &()).unwrap();
     assert!(verified.ok(), "{:?}", verified.damage);
     assert_eq!(database.quarantined().unwrap(), []);
@@ -221,12 +221,12 @@ fn a_file_that_is_no_store_is_not_repaired_and_not_touched() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("notes.txt");
     std::fs::write(&path, "not a store").unwrap();
-    let error = Database::repair(&path, &Repair::default(), &()).unwrap_err();
+    let error = Database::repair(&path, &RepairOptions::default(), &()).unwrap_err();
     assert!(matches!(error, Error::Store(hlacdb::store::StoreError::NotAStore { .. })), "{error}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     let path = filled(folder.path(), 2, 9);
     let held = Database::open(&path).unwrap();
-    let error = Database::repair(&path, &Repair::default(), &()).unwrap_err();
+    let error = Database::repair(&path, &RepairOptions::default(), &()).unwrap_err();
     assert!(error.to_string().contains("held by another writer"), "{error}");
     let _ = held.query(&Query::texture(1)).unwrap();
 }

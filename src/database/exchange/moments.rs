@@ -1,0 +1,201 @@
+//! Descriptors in and out, as arrays.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::database::exchange::arrays::{MomentRows, NpyRows};
+use crate::database::handle::Database;
+use crate::database::points::stored::BlockMoments;
+use crate::database::scheme::{DEFAULT_SPACE, Scheme};
+use crate::error::Error;
+use crate::hlac::{MASK_COUNT, View};
+use crate::progress::Progress;
+use crate::space::Recipe;
+use crate::store::{DESCRIPTOR_ROWS, NewTexture, Reads, ViewCode};
+use crate::volume::display_path;
+
+/// What [`Database::export`] wrote.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ExportReport {
+    /// Rows of each file.
+    pub textures: u64,
+    /// The files.
+    pub files: Vec<String>,
+}
+
+/// What [`Database::import`] added.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ImportReport {
+    /// Textures added.
+    pub added: u64,
+    /// The first and the last id, where any was added.
+    pub ids: Option<(u64, u64)>,
+}
+
+/// So many rows are added in one transaction.
+const IMPORT_ROWS: usize = 16 * 1024;
+
+impl Database {
+    /// Writes `moments.npy` (N, 251: the moments of `full@1`), `points.npy` (N, P: the points of the default space) and
+    /// `textures.csv` (row, id, name, shape, path, a column per tag) to `folder`, which is made where there is none. Rows are
+    /// in id order and the same in all three. A texture without moments or point has NaN there. With `graph`, the so many
+    /// nearest neighbours of every texture in the default space as well: `graph.npy` (N, K), their ids (`i64`, nearest first,
+    /// ties by id, itself left out; -1 where there are fewer), and `graph_distances.npy` (N, K), their distances (`f64`; NaN
+    /// there).
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Store`], [`Error::Cancelled`].
+    pub fn export(&self, folder: &Path, graph: Option<usize>, progress: &dyn Progress) -> Result<ExportReport, Error> {
+        let made = std::fs::create_dir_all(folder);
+        made.map_err(|source| Error::io(format!("making the folder {}", display_path(folder)), source))?;
+        let snapshot = self.store().read()?;
+        let state = self.state(&snapshot, DEFAULT_SPACE)?;
+        let rows = snapshot.rows()?;
+        let live: Vec<(usize, u64)> = rows.live().collect();
+        progress.begin("exporting", Some(live.len() as u64));
+
+        let recipe = Recipe::plain();
+        let mut moments = NpyRows::create(&folder.join("moments.npy"), &[live.len(), MASK_COUNT])?;
+        let mut points = NpyRows::create(&folder.join("points.npy"), &[live.len(), state.space.dims()])?;
+        let nothing = vec![f32::NAN; state.space.dims()];
+        let mut block = None;
+        for &(row, id) in &live {
+            let number = (row / DESCRIPTOR_ROWS) as u32;
+            if block.as_ref().is_none_or(|(at, _)| *at != number) {
+                if progress.cancelled() {
+                    return Err(Error::Cancelled);
+                }
+                block = Some((number, BlockMoments::read(&snapshot, &recipe, number)?));
+            }
+            let kept = block.as_ref().and_then(|(_, block)| block.row(View::Full, row % DESCRIPTOR_ROWS));
+            moments.push(kept.unwrap_or(&[f32::NAN; MASK_COUNT]))?;
+            points.push(state.index.points().point(id).unwrap_or(&nothing))?;
+            progress.advance(1);
+        }
+        moments.finish()?;
+        points.finish()?;
+        write_table(&snapshot, &folder.join("textures.csv"))?;
+        let mut files = vec!["moments.npy", "points.npy", "textures.csv"];
+        if let Some(k) = graph {
+            files.extend(self.write_graph(folder, k, progress)?);
+        }
+        let files = files.into_iter().map(|name| display_path(&folder.join(name))).collect();
+        Ok(ExportReport { textures: live.len() as u64, files })
+    }
+
+    /// Adds the descriptors of a numpy array (N, 251 V), the moments of `views` side by side in their order, as textures
+    /// without voxels. `names` is a text file with a name per line; without it the rows are named by file and number.
+    /// Streams: memory does not grow with the array.
+    ///
+    /// The rows go in by transactions of 16384; where an error or cancelling stops it, what was committed stays.
+    ///
+    /// # Errors
+    /// [`Error::ArrayShape`], [`Error::Space`] for what is no moment, [`Error::MissingViews`] where the store keeps other
+    /// views than those.
+    pub fn import(
+        &self,
+        moments: &Path,
+        views: &[View],
+        names: Option<&Path>,
+        tags: &BTreeMap<String, String>,
+        progress: &dyn Progress,
+    ) -> Result<ImportReport, Error> {
+        let kept = Scheme::of(&self.store().read()?);
+        if kept.views().len() != views.len() || !kept.views().iter().all(|view| views.contains(view)) {
+            let needs = kept.views().iter().map(|view| view.name().to_owned()).collect();
+            return Err(Error::MissingViews { space: "the store".into(), needs, what: display_path(moments) });
+        }
+        let mut rows = MomentRows::open_views(moments, views.len())?;
+        let stem = moments.file_stem().map_or_else(String::new, |stem| display_path(Path::new(stem)));
+        let mut names = Names::open(names, stem)?;
+        let codes: Vec<ViewCode> = views.iter().map(|view| ViewCode(view.code())).collect();
+        progress.begin("importing", Some(rows.len()));
+        let mut report = ImportReport { added: 0, ids: None };
+        let together = (IMPORT_ROWS / views.len().max(1)).max(1);
+        while !rows.is_empty() && !progress.cancelled() {
+            let mut batch = Vec::with_capacity(together);
+            for row in rows.by_ref().take(together) {
+                let descriptors = codes.iter().copied().zip(row?).collect();
+                batch.push(NewTexture {
+                    name: names.next()?,
+                    tags: tags.clone(),
+                    descriptors,
+                    ..NewTexture::default()
+                });
+            }
+            let ids = self.add_described(batch)?;
+            report.added += ids.len() as u64;
+            if let (Some(&first), Some(&last)) = (ids.first(), ids.last()) {
+                report.ids = Some((report.ids.map_or(first, |(first, _)| first), last));
+            }
+            progress.advance(ids.len() as u64);
+        }
+        if report.added > IMPORT_ROWS as u64 {
+            // The file grows by doubling; what an import leaves empty at its end is given back. A reader that holds a
+            // state open hinders that, and nothing else: `compact` may be run later.
+            if let Err(error) = self.compact(progress) {
+                tracing::info!(%error, "the store was not compacted after the import");
+            }
+        }
+        Ok(report)
+    }
+}
+
+/// The names of imported rows: the lines of a file, or a stem and a number.
+struct Names {
+    lines: Option<(String, std::io::Lines<BufReader<File>>)>,
+    stem: String,
+    row: u64,
+}
+
+impl Names {
+    fn open(path: Option<&Path>, stem: String) -> Result<Self, Error> {
+        let lines = match path {
+            None => None,
+            Some(path) => {
+                let shown = display_path(path);
+                let file = File::open(path).map_err(|source| Error::io(format!("reading {shown}"), source))?;
+                Some((shown, BufReader::new(file).lines()))
+            }
+        };
+        Ok(Self { lines, stem, row: 0 })
+    }
+
+    fn next(&mut self) -> Result<String, Error> {
+        self.row += 1;
+        match &mut self.lines {
+            None => Ok(format!("{}-{:06}", self.stem, self.row - 1)),
+            Some((shown, lines)) => match lines.next() {
+                Some(Ok(line)) => Ok(line.trim_end().to_owned()),
+                Some(Err(source)) => Err(Error::io(format!("reading {shown}"), source)),
+                None => Err(Error::ArrayShape {
+                    path: shown.clone(),
+                    found: format!("a list of {} names", self.row - 1),
+                    expected: "one name for each row of moments".into(),
+                }),
+            },
+        }
+    }
+}
+
+fn write_table(state: &impl Reads, path: &Path) -> Result<(), Error> {
+    let failed = |error: csv::Error| Error::io(format!("writing {}", display_path(path)), std::io::Error::other(error));
+    let keys: BTreeSet<String> = state.tag_keys()?.into_iter().collect();
+    let mut table = csv::Writer::from_path(path).map_err(failed)?;
+    let heading = ["row", "id", "name", "shape", "path"].into_iter().map(str::to_owned);
+    table.write_record(heading.chain(keys.iter().map(|key| format!("tag:{key}")))).map_err(failed)?;
+    for (row, record) in state.records().enumerate() {
+        let record = record?;
+        let shape = record.content.as_ref().map(|content| content.shape.map(|side| side.to_string()).join("x"));
+        let path = record.path().map(|path| display_path(&path));
+        let mut cells = vec![row.to_string(), record.id.to_string(), record.name];
+        cells.extend([shape.unwrap_or_default(), path.unwrap_or_default()]);
+        cells.extend(keys.iter().map(|key| record.tags.get(key).cloned().unwrap_or_default()));
+        table.write_record(&cells).map_err(failed)?;
+    }
+    table.flush().map_err(|source| Error::io(format!("writing {}", display_path(path)), source))
+}

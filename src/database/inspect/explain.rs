@@ -1,0 +1,104 @@
+//! Why two textures are as far apart as they are.
+
+use serde::Serialize;
+
+use crate::database::handle::Database;
+use crate::database::points::descriptors::known_moments;
+use crate::database::scheme::{DEFAULT_SPACE, Scheme};
+use crate::error::Error;
+use crate::hlac::{self, MASK_COUNT, View};
+use crate::space::{Explanation, Features, Space};
+use crate::store::Reads;
+use crate::volume::Volume;
+
+/// The distance between two textures, taken apart.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PairExplanation {
+    /// The one texture.
+    pub a: u64,
+    /// The other.
+    pub b: u64,
+    /// The space the distance is in.
+    pub space: String,
+    /// Which fit of the space.
+    pub epoch: u64,
+    /// What makes the distance.
+    #[serde(flatten)]
+    pub explanation: Explanation,
+}
+
+impl Database {
+    /// What makes the distance between two textures: by view, by number of cells, by orbit. In the default space unless
+    /// one is named.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchSpace`]; [`crate::store::StoreError::NoSuchTexture`], in [`Error::Store`];
+    /// [`Error::MissingViews`] where one of them has none of the views that the space looks at.
+    pub fn explain(&self, a: u64, b: u64, space: Option<&str>) -> Result<PairExplanation, Error> {
+        let snapshot = self.store().read()?;
+        let name = space.unwrap_or(DEFAULT_SPACE);
+        let state = self.state(&snapshot, name)?;
+        let space = &state.space;
+        let explanation = space.explain(&features(&snapshot, space, a)?, &features(&snapshot, space, b)?)?;
+        Ok(PairExplanation { a, b, space: name.to_owned(), epoch: space.epoch(), explanation })
+    }
+
+    /// The moments of a volume that need not be in the store, in every view that the store keeps and the volume is large
+    /// enough for: what [`crate::Query::moments`] asks with, made once for many questions.
+    ///
+    /// # Errors
+    /// [`Error::Store`].
+    pub fn describe(&self, volume: &Volume) -> Result<Vec<(View, [f32; MASK_COUNT])>, Error> {
+        let scheme = Scheme::of(&self.store().read()?);
+        let described = hlac::describe(volume, scheme.views());
+        Ok(described.iter().map(|(view, octants)| (*view, octants.total().descriptor())).collect())
+    }
+}
+
+/// What the space looks at of a texture.
+fn features(state: &impl Reads, space: &Space, id: u64) -> Result<Features, Error> {
+    let moments = known_moments(state, id)?;
+    let of = |view: View| moments.iter().find(|(other, _)| *other == view).map(|(_, row)| row);
+    if space.recipe().views().iter().all(|&view| of(view).is_none()) {
+        let needs = space.recipe().views().iter().map(|view| view.name().to_owned()).collect();
+        return Err(Error::MissingViews { space: space.name().to_owned(), needs, what: format!("texture {id}") });
+    }
+    Ok(space.recipe().features(of)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Meta, Query};
+
+    #[test]
+    fn the_distance_explained_is_that_of_a_query() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = Database::open(folder.path().join("s.hlacdb")).unwrap();
+        for step in 1..=5 {
+            let volume = Volume::from_fn([16; 3], |z, y, x| ((z + y * step + x * 3) * 8) as u8).unwrap();
+            database.add(&volume, Meta::named(format!("{step}"))).unwrap();
+        }
+        for space in database.space_names().unwrap() {
+            let hits = database.query(&Query::texture(2).space(&space).exclude_self()).unwrap().hits;
+            let explained = database.explain(2, hits[1].id, Some(&space)).unwrap();
+            assert!((explained.explanation.distance / hits[1].distance - 1.0).abs() < 1e-4, "{space}");
+        }
+        assert!(matches!(database.explain(1, 2, Some("none")), Err(Error::NoSuchSpace { .. })));
+        let missing = database.explain(1, 99, None).unwrap_err();
+        assert!(missing.to_string().contains("99"), "{missing}");
+    }
+
+    #[test]
+    fn a_description_asks_the_same_question_as_its_volume() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = Database::open(folder.path().join("s.hlacdb")).unwrap();
+        let volume = |step| Volume::from_fn([16; 3], |z, y, x| ((z + y * step + x * 3) * 8) as u8).unwrap();
+        for step in 1..=5 {
+            database.add(&volume(step), Meta::named(format!("{step}"))).unwrap();
+        }
+        let example = volume(9);
+        let by_moments = database.query(&Query::moments(database.describe(&example).unwrap())).unwrap();
+        assert_eq!(by_moments.hits, database.query(&Query::volume(&example)).unwrap().hits);
+    }
+}

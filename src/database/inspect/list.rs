@@ -1,0 +1,103 @@
+//! The list of all textures, kept in memory between calls.
+
+use std::sync::Arc;
+
+use crate::database::catalogue::Catalogue;
+use crate::database::handle::{Database, held};
+use crate::error::Error;
+use crate::store::Reads;
+
+impl Database {
+    /// The list of all textures, kept in memory and read again where the store has changed. One whose record is damaged is
+    /// left out, with a warning in the log.
+    ///
+    /// Where reading it takes long and the store changes all the time, the list may be some moments old, but never older
+    /// than the revision `at_least` (0: any): whoever has just changed something names the revision of the change.
+    ///
+    /// # Errors
+    /// [`Error::Store`].
+    pub fn catalogue(&self, at_least: u64) -> Result<Arc<Catalogue>, Error> {
+        let good = |catalogue: &Arc<Catalogue>| catalogue.revision >= at_least && catalogue.is_fresh();
+        let known = || held(self.catalogue.read()).clone();
+        if let Some(catalogue) = known().filter(good) {
+            return Ok(catalogue);
+        }
+        let snapshot = self.store().read()?;
+        let current = |catalogue: &Arc<Catalogue>| catalogue.revision >= snapshot.revision();
+        if let Some(catalogue) = known().filter(current) {
+            return Ok(catalogue);
+        }
+        let _reading = held(self.listing.lock());
+        // Another thread may have read it meanwhile.
+        if let Some(catalogue) = known().filter(|catalogue| current(catalogue) || good(catalogue)) {
+            return Ok(catalogue);
+        }
+        let catalogue = Arc::new(Catalogue::read(&snapshot)?);
+        *held(self.catalogue.write()) = Some(Arc::clone(&catalogue));
+        Ok(catalogue)
+    }
+
+    /// The number of the last commit; it rises by one with every change.
+    ///
+    /// # Errors
+    /// [`Error::Store`].
+    pub fn revision(&self) -> Result<u64, Error> {
+        Ok(self.store().read()?.revision())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Meta;
+    use crate::database::{Order, Selection};
+    use crate::volume::Volume;
+
+    fn names(catalogue: &Catalogue, selection: &Selection) -> Vec<String> {
+        catalogue.select(selection).iter().map(|&at| catalogue.textures()[at as usize].name.to_string()).collect()
+    }
+
+    #[test]
+    fn lists_are_filtered_searched_and_ordered() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = Database::open(folder.path().join("s.hlacdb")).unwrap();
+        for (at, (name, stone, side)) in
+            [("s10", "Marble", 8), ("s9", "granite", 9), ("core", "Basalt", 8)].into_iter().enumerate()
+        {
+            let volume = Volume::from_fn([side; 3], |z, y, x| (z * 9 + y * 5 + x * 3 + at * 31) as u8).unwrap();
+            database.add(&volume, Meta::named(name).tag("stone", stone).tag("set", "a")).unwrap();
+        }
+        let catalogue = database.catalogue(0).unwrap();
+        let all = Selection::default();
+        assert_eq!(names(&catalogue, &all), ["s10", "s9", "core"]);
+        let by = |order, descending| Selection { order, descending, ..all.clone() };
+        assert_eq!(names(&catalogue, &by(Order::Id, true)), ["core", "s9", "s10"]);
+        assert_eq!(names(&catalogue, &by(Order::Name, false)), ["core", "s9", "s10"]);
+        assert_eq!(names(&catalogue, &by(Order::Size, true)), ["s9", "core", "s10"]);
+        let text = |text: &str| Selection { text: text.into(), ..all.clone() };
+        assert_eq!(names(&catalogue, &text(" MARB ")), ["s10"]);
+        assert_eq!(names(&catalogue, &text("S1")), ["s10"]);
+        let filters = vec![("stone".to_owned(), "granite".to_owned()), ("set".to_owned(), "a".to_owned())];
+        assert_eq!(names(&catalogue, &Selection { filters, ..all.clone() }), ["s9"]);
+        let filters = vec![("colour".to_owned(), "red".to_owned())];
+        assert!(names(&catalogue, &Selection { filters, ..all }).is_empty());
+        let tags: Vec<_> = catalogue.tags().iter().map(|tag| (&*tag.key, tag.values.len())).collect();
+        assert_eq!(tags, [("set", 1), ("stone", 3)]);
+        assert_eq!(catalogue.tags()[0].values, [("a".into(), 3)]);
+    }
+
+    #[test]
+    fn a_list_is_read_once_and_follows_changes() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = Database::open(folder.path().join("s.hlacdb")).unwrap();
+        let volume = Volume::from_fn([8; 3], |z, y, x| (z * 9 + y * 5 + x * 3) as u8).unwrap();
+        let id = database.add(&volume, Meta::named("one")).unwrap().id();
+        let first = database.catalogue(0).unwrap();
+        assert!(Arc::ptr_eq(&first, &database.catalogue(0).unwrap()));
+        database.tag(id, &[("a".into(), "b".into())], &[]).unwrap();
+        let second = database.catalogue(database.revision().unwrap()).unwrap();
+        assert_eq!((first.get(id).unwrap().tag("a"), second.get(id).unwrap().tag("a")), (None, Some("b")));
+        database.remove(&[id]).unwrap();
+        assert!(database.catalogue(database.revision().unwrap()).unwrap().textures().is_empty());
+    }
+}

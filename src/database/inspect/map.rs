@@ -1,0 +1,172 @@
+//! The whole store as a map: two coordinates for every texture.
+
+use serde::Serialize;
+
+use crate::database::handle::Database;
+use crate::database::points::state::SpaceState;
+use crate::error::Error;
+use crate::index::Points;
+
+/// Every texture as a place in the plane.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TextureMap {
+    /// The space whose points are shown.
+    pub space: String,
+    /// Which fit of the space.
+    pub epoch: u64,
+    /// The revision of the store.
+    pub revision: u64,
+    /// Textures that have a point; more than `ids` where a limit was set.
+    pub total: u64,
+    /// The shares of the points' variance that the two axes show.
+    pub explained: [f64; 2],
+    /// The textures, ascending.
+    pub ids: Vec<u64>,
+    /// The first coordinate of each.
+    pub x: Vec<f32>,
+    /// The second coordinate of each.
+    pub y: Vec<f32>,
+}
+
+/// So many points decide where the axes of a map lie; more make no visible difference.
+const ENOUGH_POINTS: usize = 2048;
+/// So many steps find an axis well enough to look at.
+const STEPS: usize = 40;
+
+impl Database {
+    /// The two axes of a space along which its points vary most, and the place of every texture on them.
+    ///
+    /// Where more than `limit` textures have points, they are thinned out evenly. The same store gives the same map.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchSpace`], [`Error::Store`].
+    pub fn map(&self, space: &str, limit: usize) -> Result<TextureMap, Error> {
+        let snapshot = self.store().read()?;
+        let state = self.state(&snapshot, space)?;
+        Ok(map_of(space, &state, limit))
+    }
+}
+
+fn map_of(space: &str, state: &SpaceState, limit: usize) -> TextureMap {
+    let points = state.index.points();
+    let axes = Axes::of(points);
+    let step = points.len().div_ceil(limit.max(1)).max(1);
+    let shown = points.iter().step_by(step);
+    let (mut ids, mut x, mut y) = (Vec::new(), Vec::new(), Vec::new());
+    for (id, point) in shown {
+        let [across, up] = axes.place(point);
+        ids.push(id);
+        x.push(across);
+        y.push(up);
+    }
+    TextureMap {
+        space: space.to_owned(),
+        epoch: state.space.epoch(),
+        revision: state.revision(),
+        total: points.len() as u64,
+        explained: axes.explained,
+        ids,
+        x,
+        y,
+    }
+}
+
+/// The plane in which points vary most: their two leading principal axes.
+struct Axes {
+    mean: Vec<f64>,
+    axes: [Vec<f64>; 2],
+    explained: [f64; 2],
+}
+
+impl Axes {
+    fn of(points: &Points) -> Self {
+        let dims = points.dims();
+        let step = points.len().div_ceil(ENOUGH_POINTS).max(1);
+        let some: Vec<&[f32]> = points.iter().step_by(step).map(|(_, point)| point).collect();
+        let count = some.len().max(1) as f64;
+        let mut mean = vec![0.0; dims];
+        for point in &some {
+            mean.iter_mut().zip(*point).for_each(|(sum, &value)| *sum += f64::from(value) / count);
+        }
+        let mut rows: Vec<Vec<f64>> = some
+            .iter()
+            .map(|point| point.iter().zip(&mean).map(|(&value, mean)| f64::from(value) - mean).collect())
+            .collect();
+        let total: f64 = rows.iter().map(|row| dot(row, row)).sum();
+        let mut explained = [0.0; 2];
+        let axes = [0, 1].map(|number| {
+            let (axis, variance) = leading(&rows, dims);
+            explained[number] = if total > 0.0 { variance / total } else { 0.0 };
+            // What lies along the first axis is taken off, so that the second is found the same way.
+            for row in &mut rows {
+                let along = dot(row, &axis);
+                row.iter_mut().zip(&axis).for_each(|(value, axis)| *value -= along * axis);
+            }
+            axis
+        });
+        Self { mean, axes, explained }
+    }
+
+    fn place(&self, point: &[f32]) -> [f32; 2] {
+        let centred: Vec<f64> = point.iter().zip(&self.mean).map(|(&value, mean)| f64::from(value) - mean).collect();
+        [0, 1].map(|axis| dot(&centred, &self.axes[axis]) as f32)
+    }
+}
+
+/// The unit vector along which rows vary most, and the sum of their squares along it, by power iteration. Its largest
+/// component is positive, so that a map is not mirrored from one fit to the next without need.
+fn leading(rows: &[Vec<f64>], dims: usize) -> (Vec<f64>, f64) {
+    // A start that no data set is orthogonal to by symmetry.
+    let mut axis: Vec<f64> = (0..dims).map(|at| 1.0 + at as f64 / dims as f64).collect();
+    let mut variance = 0.0;
+    for _ in 0..STEPS {
+        let mut product = vec![0.0; dims];
+        for row in rows {
+            let along = dot(row, &axis);
+            product.iter_mut().zip(row).for_each(|(sum, value)| *sum += along * value);
+        }
+        let length = dot(&product, &product).sqrt();
+        if length <= 0.0 {
+            return (vec![0.0; dims], 0.0);
+        }
+        axis = product.into_iter().map(|value| value / length).collect();
+        variance = length;
+    }
+    let largest = axis.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
+    if largest < 0.0 {
+        axis.iter_mut().for_each(|value| *value = -*value);
+    }
+    (axis, variance)
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::index::Metric;
+
+    #[test]
+    fn the_axes_are_those_along_which_points_vary_most() {
+        let mut points = Points::new(Metric::L2, 4).unwrap();
+        for at in 0..200_u64 {
+            let (a, b) = ((at as f32 * 0.7).sin() * 10.0, (at as f32 * 1.3).cos() * 3.0);
+            points.push(at + 1, &[0.01 * a, b + 5.0, a - 2.0, 7.0]).unwrap();
+        }
+        let axes = Axes::of(&points);
+        assert!(axes.axes[0][2] > 0.99 && axes.axes[1][1] > 0.99, "{:?}", axes.axes);
+        assert!(axes.explained[0] > 0.85 && (axes.explained[0] + axes.explained[1] - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn points_that_do_not_vary_lie_in_one_place() {
+        for count in [0, 1, 3] {
+            let mut points = Points::new(Metric::L2, 3).unwrap();
+            (1..=count).for_each(|id| points.push(id, &[1.0, 2.0, 3.0]).unwrap());
+            let axes = Axes::of(&points);
+            assert_eq!((axes.explained, axes.place(&[1.0, 2.0, 3.0])), ([0.0; 2], [0.0; 2]));
+        }
+    }
+}

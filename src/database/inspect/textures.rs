@@ -1,0 +1,89 @@
+//! Looking at single textures.
+
+use std::collections::BTreeMap;
+
+use crate::database::handle::Database;
+use crate::database::points::descriptors::{known, known_moments};
+use crate::database::texture::{Texture, tagged_with_all};
+use crate::error::Error;
+use crate::hlac::{MASK_COUNT, Sums, View};
+use crate::store::{Reads, Record, StoreError};
+use crate::volume::Volume;
+
+impl Database {
+    /// One texture.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchTexture`], in [`Error::Store`].
+    pub fn texture(&self, id: u64) -> Result<Texture, Error> {
+        let record = self.store().read()?.record(id)?;
+        Ok(record.ok_or(StoreError::NoSuchTexture { id })?.into())
+    }
+
+    /// The textures that carry all of these tags (all textures where there are none), in id order. One whose record is
+    /// damaged is left out, with a warning in the log.
+    ///
+    /// # Errors
+    /// [`Error::Store`].
+    pub fn textures(&self, filters: &[(String, String)]) -> Result<Vec<Texture>, Error> {
+        let snapshot = self.store().read()?;
+        match tagged_with_all(&snapshot, filters)? {
+            None => whole(snapshot.records()),
+            Some(ids) => whole(ids.into_iter().filter_map(|id| snapshot.record(id).transpose())),
+        }
+    }
+
+    /// The voxels of a texture; `None` where they were not kept.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchTexture`] and [`StoreError::Damage`], in [`Error::Store`].
+    pub fn volume(&self, id: u64) -> Result<Option<Volume>, Error> {
+        let snapshot = self.store().read()?;
+        known(&snapshot, id)?;
+        Ok(snapshot.voxels(id)?)
+    }
+
+    /// The exact sums of `full@1` of a texture; `None` where only moments were imported.
+    ///
+    /// # Errors
+    /// As [`Database::volume`].
+    pub fn sums(&self, id: u64) -> Result<Option<Sums>, Error> {
+        let snapshot = self.store().read()?;
+        known(&snapshot, id)?;
+        Ok(snapshot.sums(id)?)
+    }
+
+    /// The moments of a texture in every view it has.
+    ///
+    /// # Errors
+    /// As [`Database::volume`].
+    pub fn moments(&self, id: u64) -> Result<Vec<(View, [f32; MASK_COUNT])>, Error> {
+        known_moments(&self.store().read()?, id)
+    }
+
+    /// The value of a tag of every texture that carries it, by id.
+    ///
+    /// # Errors
+    /// [`Error::Store`].
+    pub fn labels(&self, key: &str) -> Result<BTreeMap<u64, String>, Error> {
+        let snapshot = self.store().read()?;
+        let mut labels = BTreeMap::new();
+        for (value, _) in snapshot.tag_values(key)? {
+            labels.extend(snapshot.tagged(key, &value)?.into_iter().map(|id| (id, value.clone())));
+        }
+        Ok(labels)
+    }
+}
+
+/// The textures of those records that are whole.
+fn whole(records: impl Iterator<Item = Result<Record, StoreError>>) -> Result<Vec<Texture>, Error> {
+    let mut textures = Vec::new();
+    for record in records {
+        match record {
+            Ok(record) => textures.push(record.into()),
+            Err(StoreError::Damage(damage)) => tracing::warn!("{damage}: the texture is left out"),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(textures)
+}

@@ -1,0 +1,72 @@
+//! What a texture adds to the statistics of each feature set.
+
+use super::descriptors::moments;
+use crate::database::scheme::Scheme;
+use crate::error::Error;
+use crate::hlac::{self, OctantSums, View};
+use crate::space::{Contribution, Recipe};
+use crate::store::{DESCRIPTOR_ROWS, NewTexture, Reads, StoreError};
+
+/// What a described texture adds to the statistics of a store that keeps `views`.
+pub(crate) fn contributions(described: &[(View, OctantSums)], views: &Scheme) -> Result<Vec<Contribution>, Error> {
+    let recipes = views.recipes();
+    let contributions = recipes.iter().filter_map(|recipe| Contribution::of_sums(recipe, described).transpose());
+    Ok(contributions.collect::<Result<_, _>>()?)
+}
+
+/// The views to describe: those that are kept, and `full@1`, whose exact sums are kept in any case.
+pub(crate) fn with_full(views: &[View]) -> Vec<View> {
+    let mut wanted = views.to_vec();
+    if !wanted.contains(&View::Full) {
+        wanted.push(View::Full);
+    }
+    wanted
+}
+
+/// What a texture adds to the statistics: described anew from its voxels, or, where they are not kept, by its moments.
+pub(crate) fn contributions_of(state: &impl Reads, id: u64, views: &Scheme) -> Result<Vec<Contribution>, Error> {
+    match state.voxels(id) {
+        Ok(Some(volume)) => contributions(&hlac::describe(&volume, &with_full(views.views())), views),
+        Ok(None) => contributions_of_moments(state, id, views),
+        // Damaged voxels do not stop a texture from being removed.
+        Err(StoreError::Damage(_)) => contributions_of_moments(state, id, views),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// What a texture adds to the statistics by the moments that are kept of it, whatever has become of its record.
+pub(crate) fn contributions_of_moments(
+    state: &impl Reads,
+    id: u64,
+    views: &Scheme,
+) -> Result<Vec<Contribution>, Error> {
+    let kept = moments(state, id)?;
+    let of = |view: View| kept.iter().find(|(other, _)| *other == view).map(|(_, row)| row);
+    let parts = views.recipes().into_iter().map(|recipe| Contribution::of_moments(&recipe, of));
+    Ok(parts.filter_map(Result::transpose).collect::<Result<_, _>>()?)
+}
+
+/// What a texture that comes with moments adds to the statistics of each recipe.
+pub(crate) fn described_contributions(texture: &NewTexture, recipes: &[Recipe]) -> Result<Vec<Contribution>, Error> {
+    let of =
+        |view: View| texture.descriptors.iter().find(|(code, _)| code.0 == view.code()).map(|(_, moments)| moments);
+    let parts = recipes.iter().filter_map(|recipe| Contribution::of_moments(recipe, of).transpose());
+    Ok(parts.collect::<Result<_, _>>()?)
+}
+
+/// What every texture adds to the statistics of a recipe, without octants: block by block, so that memory does not grow
+/// with the store.
+pub(crate) fn contribution_blocks<'a>(
+    state: &'a impl Reads,
+    recipe: &'a Recipe,
+) -> Result<impl Iterator<Item = Result<Vec<Contribution>, Error>> + 'a, Error> {
+    let rows = state.rows()?;
+    Ok((0..state.descriptor_blocks()).map(move |block| {
+        let moments = crate::database::points::stored::BlockMoments::read(state, recipe, block)?;
+        let first = block as usize * DESCRIPTOR_ROWS;
+        let live = (first..first + DESCRIPTOR_ROWS).filter(|&row| rows.is_live(row));
+        let parts =
+            live.filter_map(|row| Contribution::of_moments(recipe, |view| moments.row(view, row - first)).transpose());
+        Ok(parts.collect::<Result<_, _>>()?)
+    }))
+}

@@ -1,0 +1,74 @@
+//! The spaces of a store as they are fitted now.
+
+use std::sync::LazyLock;
+
+use super::statistics_cache;
+use crate::database::scheme::{DEFAULT_SPACE, Scheme};
+use crate::error::Error;
+use crate::space::{Prior, Space, Statistics};
+use crate::store::{Reads, StoreError, Transaction};
+
+/// The space of this name: as it was fitted, or, where nothing was fitted yet, as the prior alone has it.
+pub(crate) fn load(state: &impl Reads, name: &str) -> Result<Space, Error> {
+    if let Some(bytes) = state.space(name)? {
+        return Ok(Space::decode(&bytes)?);
+    }
+    let scheme = Scheme::of(state);
+    match scheme.definitions().iter().find(|definition| definition.name == name) {
+        Some(definition) => {
+            let statistics = statistics_cache::load(state, &definition.recipe)?;
+            Ok(Space::fit(definition, &statistics, None, prior())?)
+        }
+        None => Err(Error::NoSuchSpace { name: name.to_owned(), known: scheme.names() }),
+    }
+}
+
+/// As [`load`], to be looked at only: a space that is not whole is shown as the prior alone has it.
+pub(crate) fn load_or_prior(state: &impl Reads, name: &str) -> Result<Space, Error> {
+    match load(state, name) {
+        Err(error) if error.is_damage() => {
+            tracing::warn!("{}: `hlacdb reindex` fits spaces anew", crate::error::chain(&error));
+            let scheme = Scheme::of(state);
+            let definition = scheme.definitions().iter().find(|definition| definition.name == name).ok_or(error)?;
+            Ok(Space::fit(definition, &Statistics::new(&definition.recipe), None, prior())?)
+        }
+        read => read,
+    }
+}
+
+/// The epoch of the last fit and the textures it was made on; zeros before the first.
+pub(crate) fn last_fit(state: &impl Reads) -> Result<(u64, u64), Error> {
+    match state.space(DEFAULT_SPACE)? {
+        Some(bytes) => {
+            let space = Space::decode(&bytes)?;
+            Ok((space.epoch(), space.textures_at_fit()))
+        }
+        None => Ok((0, 0)),
+    }
+}
+
+/// The epoch of the next fit. Spaces that cannot be read do not hinder it: the others say how far epochs have come.
+pub(crate) fn next_epoch(state: &impl Reads) -> Result<u64, Error> {
+    let mut last = 0;
+    for definition in Scheme::of(state).definitions() {
+        match state.space(&definition.name) {
+            Ok(Some(bytes)) => last = last.max(Space::decode(&bytes).map_or(0, |space| space.epoch())),
+            Ok(None) => {}
+            Err(StoreError::Damage(damage)) => tracing::warn!("{damage}: the space is fitted anew"),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(last + 1)
+}
+
+/// What is known of textures before a store has any.
+pub(crate) fn prior() -> &'static Prior {
+    static PRIOR: LazyLock<Prior> = LazyLock::new(Prior::shipped);
+    &PRIOR
+}
+
+/// Keeps the points of the default space of every row that has none yet.
+pub(crate) fn keep_points(transaction: &mut Transaction) -> Result<(), Error> {
+    let space = load(transaction, DEFAULT_SPACE)?;
+    super::stored::keep_points(transaction, DEFAULT_SPACE, &space)
+}

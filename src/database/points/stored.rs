@@ -1,0 +1,257 @@
+//! Points and moments as the store keeps them, block by block.
+//!
+//! The points of the default space are kept twice, so that a cold question reads few bytes: as *codes*, a byte a
+//! coordinate (see [`crate::index::codes`]), and as they are. To the store both are parts of 4-byte numbers: four codes make
+//! one.
+
+use std::borrow::Cow;
+
+use rayon::prelude::*;
+
+use crate::error::Error;
+use crate::hlac::View;
+use crate::index::{NO_POINT, codes};
+use crate::space::{Recipe, Space};
+use crate::store::{
+    DESCRIPTOR_ROWS, Damage, DescriptorBlock, PointsLayout, Reads, StoreError, Transaction, ViewCode,
+    point_rows_per_block,
+};
+
+/// The part that holds codes, and the one that holds points.
+const CODES: u8 = 0;
+const POINTS: u8 = 1;
+
+/// Codes in a number.
+const PACKED: usize = 4;
+
+/// The widths of the parts that points of `dims` coordinates are kept in.
+fn widths(dims: usize) -> [u16; 2] {
+    [dims.div_ceil(PACKED) as u16, dims as u16]
+}
+
+/// Codes, four to a number, as the store keeps them; the places after the last one are 0.
+fn pack(codes: impl Iterator<Item = i8>) -> Vec<f32> {
+    let bytes: Vec<u8> = codes.map(i8::cast_unsigned).collect();
+    let number = |four: &[u8]| {
+        let mut bytes = [0; PACKED];
+        bytes.iter_mut().zip(four).for_each(|(byte, &code)| *byte = code);
+        f32::from_le_bytes(bytes)
+    };
+    bytes.chunks(PACKED).map(number).collect()
+}
+
+/// The kept points of a space.
+pub(crate) struct StoredPoints<'a, R> {
+    state: &'a R,
+    name: &'a str,
+    dims: usize,
+    layout: PointsLayout,
+}
+
+impl<'a, R: Reads> StoredPoints<'a, R> {
+    /// Those of a space; `None` where none are kept, or not in the way of this version.
+    pub(crate) fn of(state: &'a R, name: &'a str, space: &Space) -> Result<Option<Self>, Error> {
+        let dims = space.dims();
+        let layout = state.points_layout(name)?.filter(|layout| layout.widths == widths(dims));
+        Ok(layout.map(|layout| Self { state, name, dims, layout }))
+    }
+
+    /// How many rows are kept; those of textures added since are not.
+    pub(crate) fn rows(&self) -> usize {
+        self.layout.rows as usize
+    }
+
+    /// Rows of a block of codes.
+    pub(crate) fn code_rows(&self) -> usize {
+        point_rows_per_block(self.dims.div_ceil(PACKED))
+    }
+
+    /// The codes of the rows from `block * code_rows()` on, packed in numbers: see [`unpacked`].
+    pub(crate) fn codes(&self, block: u32) -> Result<Vec<f32>, Error> {
+        Ok(self.state.points(self.name, &self.layout, CODES, block)?)
+    }
+
+    /// Bytes from the codes of a row to those of the next.
+    pub(crate) fn stride(&self) -> usize {
+        self.dims.div_ceil(PACKED) * PACKED
+    }
+
+    /// A reader of points.
+    pub(crate) fn points(&self) -> PartRows<'_, R> {
+        self.part(POINTS)
+    }
+
+    fn part(&self, part: u8) -> PartRows<'_, R> {
+        let width = self.layout.widths.get(usize::from(part)).map_or(0, |&width| usize::from(width));
+        PartRows { kept: self, part, width, blocks: Vec::new() }
+    }
+
+    /// Hands over row and point of the rows from `first` on, and whether the code is that of the point.
+    pub(crate) fn each_checked(&self, mut take: impl FnMut(usize, &[f32], bool)) -> Result<(), Error> {
+        let (mut kept, mut points) = (self.part(CODES), self.part(POINTS));
+        for row in 0..self.rows() {
+            let point = points.row(row)?;
+            take(row, point, unpack(kept.row(row)?).take(self.dims).eq(codes(point)));
+        }
+        Ok(())
+    }
+
+    /// Hands over row and point of the rows from `first` on; NaN where there is none.
+    pub(crate) fn each(&self, first: usize, mut take: impl FnMut(usize, &[f32])) -> Result<(), Error> {
+        let mut points = self.part(POINTS);
+        for row in first..self.rows() {
+            take(row, points.row(row)?);
+        }
+        Ok(())
+    }
+}
+
+/// Packed codes, one after the other: where the machine's bytes are in the order of the store's, they are there already.
+pub(crate) fn unpacked(numbers: &[f32]) -> Cow<'_, [i8]> {
+    if cfg!(target_endian = "little") {
+        Cow::Borrowed(bytemuck::cast_slice(numbers))
+    } else {
+        unpack(numbers).collect()
+    }
+}
+
+fn unpack(numbers: &[f32]) -> impl Iterator<Item = i8> + '_ {
+    numbers.iter().flat_map(|number| number.to_le_bytes()).map(u8::cast_signed)
+}
+
+/// So many blocks of one part are held in memory: 32 MiB.
+const HELD: usize = 128;
+
+/// One part of the kept points. The blocks read last are held.
+pub(crate) struct PartRows<'a, R> {
+    kept: &'a StoredPoints<'a, R>,
+    part: u8,
+    width: usize,
+    /// The block read last at the end.
+    blocks: Vec<(u32, Vec<f32>)>,
+}
+
+impl<R: Reads> PartRows<'_, R> {
+    /// The numbers of a row.
+    pub(crate) fn row(&mut self, row: usize) -> Result<&[f32], Error> {
+        let per_block = point_rows_per_block(self.width.max(1));
+        let block = (row / per_block) as u32;
+        let StoredPoints { state, name, layout, .. } = self.kept;
+        match self.blocks.iter().rposition(|(number, _)| *number == block) {
+            Some(at) if at + 1 == self.blocks.len() => {}
+            Some(at) => {
+                let found = self.blocks.remove(at);
+                self.blocks.push(found);
+            }
+            None => {
+                if self.blocks.len() >= HELD {
+                    self.blocks.remove(0);
+                }
+                self.blocks.push((block, state.points(name, layout, self.part, block)?));
+            }
+        }
+        let at = row % per_block * self.width;
+        let values = self.blocks.last().and_then(|(_, values)| values.get(at..at + self.width));
+        Ok(values.ok_or_else(|| {
+            let key = format!("space {name}, block {block}");
+            StoreError::Damage(Damage { table: "points", key, what: "a row is missing".into() })
+        })?)
+    }
+}
+
+/// Keeps the points of a space of every row that has none yet.
+pub(crate) fn keep_points(transaction: &mut Transaction, name: &str, space: &Space) -> Result<(), Error> {
+    let dims = space.dims();
+    if transaction.points_layout(name)?.is_none_or(|layout| layout.widths != widths(dims)) {
+        transaction.begin_points(name, &widths(dims))?;
+    }
+    let nothing = pack(std::iter::repeat_n(NO_POINT, dims));
+    let rows = transaction.counts().rows as usize;
+    let mut next = transaction.points_layout(name)?.map_or(0, |layout| layout.rows as usize);
+    // Some blocks at a time, so that a million rows take little memory.
+    while next < rows {
+        let end = ((next / DESCRIPTOR_ROWS + 16) * DESCRIPTOR_ROWS).min(rows);
+        let mut coded: Vec<f32> = nothing.repeat(end - next);
+        let mut points = vec![f32::NAN; (end - next) * dims];
+        for (row, point) in mapped_points(transaction, space, next..end)? {
+            let at = row - next;
+            copy(&mut coded, at * nothing.len(), &pack(codes(&point)));
+            copy(&mut points, at * dims, &point);
+        }
+        transaction.append_points(name, &[&coded, &points])?;
+        next = end;
+    }
+    Ok(())
+}
+
+fn copy(into: &mut [f32], at: usize, values: &[f32]) {
+    if let Some(place) = into.get_mut(at..at + values.len()) {
+        place.copy_from_slice(values);
+    }
+}
+
+/// Row and point of those rows of a range that have a point, mapped from their moments by `space`.
+pub(crate) fn mapped_points(
+    state: &impl Reads,
+    space: &Space,
+    rows: std::ops::Range<usize>,
+) -> Result<Vec<(usize, Vec<f32>)>, Error> {
+    if rows.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut mapped = Vec::with_capacity(rows.len());
+    for block in rows.start / DESCRIPTOR_ROWS..rows.end.div_ceil(DESCRIPTOR_ROWS) {
+        let moments = BlockMoments::read(state, space.recipe(), block as u32)?;
+        let first = block * DESCRIPTOR_ROWS;
+        let within = first.max(rows.start)..(first + DESCRIPTOR_ROWS).min(rows.end);
+        let points: Result<Vec<_>, Error> = within
+            .into_par_iter()
+            .filter_map(|row| Some(moments.point(space, row - first).transpose()?.map(|point| (row, point))))
+            .collect();
+        mapped.extend(points?);
+    }
+    Ok(mapped)
+}
+
+/// The moments of one block of rows in the views of a recipe.
+pub(crate) struct BlockMoments {
+    views: Vec<(View, Option<DescriptorBlock>)>,
+}
+
+impl BlockMoments {
+    pub(crate) fn read(state: &impl Reads, recipe: &Recipe, block: u32) -> Result<Self, Error> {
+        let read = |&view: &View| Ok((view, state.descriptors(ViewCode(view.code()), block)?));
+        Ok(Self { views: recipe.views().iter().map(read).collect::<Result<_, Error>>()? })
+    }
+
+    /// The moments of a row of the block in a view.
+    pub(crate) fn row(&self, view: View, row: usize) -> Option<&[f32; crate::hlac::MASK_COUNT]> {
+        self.views.iter().find(|(other, _)| *other == view)?.1.as_ref()?.row(row)
+    }
+
+    /// The point of a row of the block; `None` where it has none of the views.
+    fn point(&self, space: &Space, row: usize) -> Result<Option<Vec<f32>>, Error> {
+        let recipe = space.recipe();
+        if recipe.views().iter().all(|&view| self.row(view, row).is_none()) {
+            return Ok(None);
+        }
+        Ok(Some(space.point(&recipe.features(|view| self.row(view, row))?)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_are_packed_as_they_were() {
+        for dims in 1..40 {
+            let all: Vec<i8> = (0..dims).map(|at| (at as i8).wrapping_mul(37).wrapping_sub(100)).collect();
+            let packed = pack(all.iter().copied());
+            assert_eq!(packed.len(), usize::from(widths(dims)[0]));
+            assert_eq!(unpack(&packed).take(dims).collect::<Vec<_>>(), all);
+            assert_eq!(unpacked(&packed)[..dims], all);
+        }
+        assert_eq!(pack([1, 2, -1].into_iter())[0].to_bits(), 0x00FF_0201);
+    }
+}

@@ -1,0 +1,277 @@
+//! From a query to its answer.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::from_disk;
+use super::source::PointSource;
+use super::{Answer, Combine, Example, HITS, Hit, Query};
+use crate::database::handle::Database;
+use crate::database::points::descriptors::known_moments;
+use crate::database::quarantine::left_out;
+use crate::database::scheme::DEFAULT_SPACE;
+use crate::error::Error;
+use crate::hlac::{self, MASK_COUNT, View};
+use crate::index::{Allowed, Neighbour, Question};
+use crate::space::Space;
+use crate::store::{Reads, Snapshot, StoreError};
+
+impl Database {
+    /// The textures most alike to the query's examples, exactly, ordered by (distance, id).
+    ///
+    /// The first question that a database is asked about a space is answered from the file, reading little of it; from the
+    /// second on, the points are held in memory. The answers are the same to the bit.
+    ///
+    /// # Errors
+    /// [`Error::ZeroK`], [`Error::BadDistance`], [`Error::NoExample`], [`Error::NoSuchSpace`], [`Error::MissingViews`] where
+    /// an example has none of the views that the space looks at, and whatever reading the store gives. An empty store has no
+    /// hits: that is no error.
+    pub fn query(&self, query: &Query<'_>) -> Result<Answer, Error> {
+        match Execution::new(self, query, 1).and_then(|asked| asked.answer(query)) {
+            // What is damaged in the file the points in memory may do without: they are made anew where they must be.
+            Err(error) if error.is_damage() => Execution::new(self, query, 2)?.answer(query),
+            answer => answer,
+        }
+    }
+
+    /// Many queries at once, in parallel; answers in the order of the queries.
+    ///
+    /// # Errors
+    /// As [`Database::query`]: the first that fails.
+    pub fn query_all(&self, queries: &[Query<'_>]) -> Result<Vec<Answer>, Error> {
+        match queries {
+            [] => return Ok(Vec::new()),
+            [query] => return Ok(vec![self.query(query)?]),
+            // Queries of one call mostly share space and index: those are made once, before the threads begin.
+            [first, ..] => drop(Execution::new(self, first, queries.len() as u64)?),
+        }
+        queries.par_iter().map(|query| Execution::new(self, query, 0)?.answer(query)).collect()
+    }
+}
+
+/// So many values of a tag are told where none of them was meant.
+const VALUES_TOLD: usize = 8;
+
+/// A query and the state it is asked of.
+struct Execution<'a> {
+    database: &'a Database,
+    snapshot: Snapshot,
+    name: String,
+    ground: PointSource,
+}
+
+/// The points asked for, and the textures that they are of.
+type Points = Vec<(Vec<f32>, Option<u64>)>;
+
+impl<'a> Execution<'a> {
+    fn new(database: &'a Database, query: &Query<'_>, questions: u64) -> Result<Self, Error> {
+        if query.k == Some(0) {
+            return Err(Error::ZeroK);
+        }
+        if let Some(found) = query.within.filter(|distance| distance.is_nan() || *distance < 0.0) {
+            return Err(Error::BadDistance { found });
+        }
+        if query.examples.is_empty() {
+            return Err(Error::NoExample);
+        }
+        let name = query.space.as_deref().unwrap_or(DEFAULT_SPACE).to_owned();
+        loop {
+            let snapshot = database.store().read()?;
+            let ground = database.ground(&snapshot, &name, query.index, questions)?;
+            // Another thread may have seen a later commit in between: names and distances must be of one state.
+            if ground.revision().is_none_or(|revision| revision == snapshot.revision()) {
+                return Ok(Self { database, snapshot, name, ground });
+            }
+        }
+    }
+
+    fn space(&self) -> &Arc<Space> {
+        match &self.ground {
+            PointSource::Memory(state) => &state.space,
+            PointSource::Disk(space) => space,
+        }
+    }
+
+    fn answer(&self, query: &Query<'_>) -> Result<Answer, Error> {
+        let points: Points =
+            query.examples.iter().map(|example| self.point(example, query)).collect::<Result<_, _>>()?;
+        let allowed = self.database.tagged(&self.snapshot, &query.filters)?;
+        let mut warnings = self.warnings(query, allowed.as_deref().map(Vec::as_slice))?;
+        let began = Instant::now();
+        let k = query.k.unwrap_or(if query.within.is_some() { usize::MAX } else { HITS });
+        let mut own: Vec<u64> = points.iter().filter_map(|(_, id)| *id).filter(|_| query.exclude_self).collect();
+        own.extend(left_out(&self.snapshot, &mut warnings));
+        if let PointSource::Memory(state) = &self.ground {
+            warnings.extend_from_slice(state.warnings());
+        }
+        let (hits, index, elapsed) = loop {
+            own.sort_unstable();
+            own.dedup();
+            let ask = |point: &[f32]| {
+                let question = Question {
+                    point,
+                    // One example is left out by the index, more are taken out of the answer.
+                    k: if own.len() > 1 { k.saturating_add(own.len()) } else { k },
+                    within: query.within,
+                    allowed: allowed.as_deref().map_or(Allowed::All, |ids| Allowed::Ids(ids)),
+                    exclude: own.first().copied().filter(|_| own.len() == 1),
+                };
+                self.search(&question, query)
+            };
+            let (mut neighbours, index) = match (&points[..], query.combine) {
+                ([(point, _)], _) => ask(point)?,
+                (points, Combine::Mean) => ask(&mean(points))?,
+                (points, Combine::Min) => nearest_of(points.iter().map(|(point, _)| ask(point)))?,
+            };
+            neighbours.retain(|hit| own.binary_search(&hit.id).is_err());
+            neighbours.truncate(k);
+            let elapsed = began.elapsed();
+            match self.hits(&neighbours) {
+                // A texture whose record cannot be read is nobody's hit: the next one takes its place.
+                Err(Error::Store(StoreError::Damage(damage)))
+                    if damage.texture().is_some_and(|id| !own.contains(&id)) =>
+                {
+                    warnings.push(format!("{damage}: the texture is left out"));
+                    own.extend(damage.texture());
+                }
+                hits => break (hits?, index, elapsed),
+            }
+        };
+        for warning in &warnings {
+            // Whoever asked is told by the answer.
+            tracing::debug!("{warning}");
+        }
+        Ok(Answer { space: self.name.clone(), index, epoch: self.space().epoch(), elapsed, warnings, hits })
+    }
+
+    fn search(&self, question: &Question<'_>, query: &Query<'_>) -> Result<(Vec<Neighbour>, &'static str), Error> {
+        match &self.ground {
+            PointSource::Memory(state) => {
+                let method = state.index.choose(question, query.index);
+                Ok((state.index.search(question, query.index)?, method.name()))
+            }
+            PointSource::Disk(space) => {
+                let neighbours = from_disk::search(&self.snapshot, &self.name, space, question)?;
+                Ok((neighbours, crate::index::Method::Linear.name()))
+            }
+        }
+    }
+
+    /// Names and tags.
+    fn hits(&self, neighbours: &[Neighbour]) -> Result<Vec<Hit>, Error> {
+        let ids: Vec<u64> = neighbours.iter().map(|hit| hit.id).collect();
+        let records = match &self.ground {
+            PointSource::Memory(state) => state.records_of(&self.snapshot, &ids)?,
+            PointSource::Disk(_) => {
+                self.snapshot.records_of(&ids)?.into_iter().map(|record| record.map(Arc::new)).collect()
+            }
+        };
+        let known = neighbours.iter().zip(records).filter_map(|(hit, record)| Some((hit, record?)));
+        Ok(known
+            .enumerate()
+            .map(|(at, (hit, record))| Hit {
+                rank: at + 1,
+                id: hit.id,
+                name: record.name.clone(),
+                distance: hit.distance,
+                tags: record.tags.clone(),
+            })
+            .collect())
+    }
+
+    /// An answer that a filter leaves empty may be a slip of the pen.
+    fn warnings(&self, query: &Query<'_>, allowed: Option<&[u64]>) -> Result<Vec<String>, Error> {
+        let mut warnings = Vec::new();
+        if allowed.is_some_and(<[u64]>::is_empty) {
+            for (key, value) in &query.filters {
+                if !self.snapshot.has_tag_key(key)? {
+                    let known = self.snapshot.tag_keys()?;
+                    let known = if known.is_empty() { "there are no tags".into() } else { known.join(", ") };
+                    warnings
+                        .push(format!("no texture carries a tag '{key}', so nothing can be a hit; the tags: {known}"));
+                    continue;
+                }
+                let known = self.snapshot.tag_values(key)?;
+                if known.iter().all(|(one, _)| one != value) {
+                    let some: Vec<&str> = known.iter().take(VALUES_TOLD).map(|(one, _)| one.as_str()).collect();
+                    let more = if known.len() > some.len() { ", ..." } else { "" };
+                    warnings.push(format!(
+                        "no texture carries {key}={value}, so nothing can be a hit; the values of '{key}': {}{more}",
+                        some.join(", ")
+                    ));
+                }
+            }
+            if warnings.is_empty() {
+                warnings.push("no texture carries all of these tags, so nothing can be a hit".into());
+            }
+        }
+        Ok(warnings)
+    }
+
+    /// An example's point, and its id where it is a texture of the store.
+    fn point(&self, example: &Example<'_>, query: &Query<'_>) -> Result<(Vec<f32>, Option<u64>), Error> {
+        match example {
+            Example::Texture(id) => {
+                let kept = match &self.ground {
+                    PointSource::Memory(state) => state.index.points().point(*id).map(<[f32]>::to_vec),
+                    PointSource::Disk(space) => from_disk::point(&self.snapshot, &self.name, space, *id)?,
+                };
+                if let Some(point) = kept {
+                    return Ok((point, Some(*id)));
+                }
+                let moments = known_moments(&self.snapshot, *id)?;
+                Ok((self.map(&moments, || format!("texture {id}"))?, Some(*id)))
+            }
+            Example::Volume(volume) => {
+                let described = hlac::describe(volume, self.space().recipe().views());
+                let moments: Vec<_> =
+                    described.iter().map(|(view, octants)| (*view, octants.total().descriptor())).collect();
+                let own = if query.exclude_self { self.snapshot.find(&volume.content_hash())? } else { None };
+                Ok((self.map(&moments, || "the volume".to_owned())?, own))
+            }
+            Example::Moments(moments) => Ok((self.map(moments, || "the descriptor".to_owned())?, None)),
+        }
+    }
+
+    fn map(&self, moments: &[(View, [f32; MASK_COUNT])], what: impl Fn() -> String) -> Result<Vec<f32>, Error> {
+        let space = self.space();
+        let of = |view: View| moments.iter().find(|(other, _)| *other == view).map(|(_, row)| row);
+        if space.recipe().views().iter().all(|&view| of(view).is_none()) {
+            let needs = space.recipe().views().iter().map(|view| view.name().to_owned()).collect();
+            return Err(Error::MissingViews { space: self.name.clone(), needs, what: what() });
+        }
+        Ok(space.point(&space.recipe().features(of)?)?)
+    }
+}
+
+/// The mean of points, coordinate by coordinate, in the order of the examples.
+fn mean(points: &[(Vec<f32>, Option<u64>)]) -> Vec<f32> {
+    let dims = points.first().map_or(0, |(point, _)| point.len());
+    let coordinate =
+        |at: usize| points.iter().filter_map(|(point, _)| point.get(at)).map(|&c| f64::from(c)).sum::<f64>();
+    (0..dims).map(|at| (coordinate(at) / points.len() as f64) as f32).collect()
+}
+
+/// The hits of several answers, each at its least distance.
+///
+/// A hit among the `k` nearest to any example is among the `k` nearest to the example it is nearest to: so the answers
+/// hold all that is asked for.
+fn nearest_of(
+    answers: impl Iterator<Item = Result<(Vec<Neighbour>, &'static str), Error>>,
+) -> Result<(Vec<Neighbour>, &'static str), Error> {
+    let mut nearest: BTreeMap<u64, f64> = BTreeMap::new();
+    let mut index = "";
+    for answer in answers {
+        let (neighbours, by) = answer?;
+        index = by;
+        for hit in neighbours {
+            nearest.entry(hit.id).and_modify(|least| *least = least.min(hit.distance)).or_insert(hit.distance);
+        }
+    }
+    let mut hits: Vec<Neighbour> = nearest.into_iter().map(|(id, distance)| Neighbour { id, distance }).collect();
+    hits.sort_unstable();
+    Ok((hits, index))
+}

@@ -1,0 +1,229 @@
+//! Looking at textures.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde::{Serialize, Serializer};
+
+use super::handle::{Database, held};
+use crate::error::Error;
+use crate::store::{Cut, NewTexture, Provenance, Reads, Record, RecordedMapping, Snapshot, StoreError, path_bytes};
+use crate::volume::{Shape, Source, display_path};
+
+/// The place of a texture that was cut out of a larger volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct BlockOf {
+    /// The first voxel (Z, Y, X) in the larger volume.
+    pub origin: Shape,
+    /// The shape (Z, Y, X) of the larger volume.
+    pub shape: Shape,
+}
+
+/// What is said of a texture when it is added: its name, and where it came from.
+#[derive(Clone, Debug, Default)]
+pub struct Meta {
+    /// The name that answers show; need not be unique.
+    pub name: String,
+    /// The file or folder it was read from.
+    pub path: Option<PathBuf>,
+    /// One value per key.
+    pub tags: BTreeMap<String, String>,
+    /// The kind of file, its samples and how they were mapped to 256 levels.
+    pub source: Option<Source>,
+    /// Where it was cut from.
+    pub block: Option<BlockOf>,
+}
+
+impl Meta {
+    /// A texture of this name.
+    pub fn named(name: impl Into<String>) -> Self {
+        Self { name: name.into(), ..Self::default() }
+    }
+
+    /// Adds a tag, in place of one with the same key.
+    #[must_use]
+    pub fn tag(mut self, key: impl Into<String>, value: impl Into<String>) -> Self {
+        self.tags.insert(key.into(), value.into());
+        self
+    }
+
+    /// Sets all tags.
+    #[must_use]
+    pub fn tags(mut self, tags: BTreeMap<String, String>) -> Self {
+        self.tags = tags;
+        self
+    }
+
+    /// Sets the path it was read from.
+    #[must_use]
+    pub fn path(mut self, path: impl AsRef<Path>) -> Self {
+        self.path = Some(path.as_ref().to_path_buf());
+        self
+    }
+
+    /// Sets where the voxels came from.
+    #[must_use]
+    pub fn source(mut self, source: Source) -> Self {
+        self.source = Some(source);
+        self
+    }
+
+    /// Sets the place in a larger volume.
+    #[must_use]
+    pub fn block(mut self, block: BlockOf) -> Self {
+        self.block = Some(block);
+        self
+    }
+
+    pub(crate) fn into_texture(self) -> NewTexture {
+        let provenance = self.source.map(|source| Provenance {
+            kind: source.kind.name().to_owned(),
+            samples: source.samples.name().to_owned(),
+            mapping: source.mapping.map(|mapping| RecordedMapping {
+                rule: mapping.rule.to_string(),
+                lo: mapping.lo,
+                hi: mapping.hi,
+            }),
+            spacing: source.spacing,
+        });
+        let wide = |shape: Shape| shape.map(|side| side as u64);
+        NewTexture {
+            name: self.name,
+            path: self.path.as_deref().map(path_bytes),
+            tags: self.tags,
+            provenance,
+            cut: self.block.map(|block| Cut { offset: wide(block.origin), parent: wide(block.shape) }),
+            ..NewTexture::default()
+        }
+    }
+}
+
+/// The identity of a texture's content, written as 64 hexadecimal digits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ContentHash(pub [u8; 32]);
+
+impl fmt::Display for ContentHash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl Serialize for ContentHash {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// A texture: what is known of it besides its numbers.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Texture {
+    /// Its id: from 1, in input order, never given again.
+    pub id: u64,
+    /// Its name.
+    pub name: String,
+    /// Axis lengths (Z, Y, X); `None` where only moments were imported.
+    pub shape: Option<Shape>,
+    /// 1 (grey) or 3 (RGB); 0 where that is not known.
+    pub channels: u8,
+    /// One value per key.
+    pub tags: BTreeMap<String, String>,
+    /// The identity of its content.
+    pub content: Option<ContentHash>,
+    /// The file or folder it was read from.
+    #[serde(serialize_with = "shown")]
+    pub path: Option<PathBuf>,
+    /// Where its voxels came from.
+    pub source: Option<Provenance>,
+    /// Where it was cut from.
+    pub block: Option<BlockOf>,
+    /// The compressed size of its voxels; `None` where they are not kept.
+    pub stored_bytes: Option<u64>,
+}
+
+fn shown<S: Serializer>(path: &Option<PathBuf>, serializer: S) -> Result<S::Ok, S::Error> {
+    path.as_deref().map(display_path).serialize(serializer)
+}
+
+impl From<Record> for Texture {
+    fn from(record: Record) -> Self {
+        let narrow = |shape: [u64; 3]| shape.map(|side| usize::try_from(side).unwrap_or(usize::MAX));
+        Self {
+            id: record.id,
+            shape: record.content.as_ref().map(|content| narrow(content.shape)),
+            channels: record.content.as_ref().map_or(0, |content| content.channels),
+            content: record.content.as_ref().map(|content| ContentHash(content.hash)),
+            path: record.path(),
+            block: record.cut.map(|cut| BlockOf { origin: narrow(cut.offset), shape: narrow(cut.parent) }),
+            stored_bytes: record.voxels.map(|voxels| voxels.bytes),
+            name: record.name,
+            tags: record.tags,
+            source: record.provenance,
+        }
+    }
+}
+
+/// The textures that a filter let through at a revision of the store.
+pub(crate) struct Filtered {
+    revision: u64,
+    filters: Vec<(String, String)>,
+    ids: Arc<Vec<u64>>,
+}
+
+impl Database {
+    /// The ids, ascending, of the textures that carry all of these tags; `None` where no tag is asked for. What the last
+    /// filter gave is kept: queries often come in rows.
+    pub(crate) fn tagged(
+        &self,
+        snapshot: &Snapshot,
+        filters: &[(String, String)],
+    ) -> Result<Option<Arc<Vec<u64>>>, Error> {
+        if filters.is_empty() {
+            return Ok(None);
+        }
+        let fits = |last: &&Filtered| last.revision == snapshot.revision() && last.filters == filters;
+        if let Some(last) = held(self.filtered.lock()).as_ref().filter(fits) {
+            return Ok(Some(Arc::clone(&last.ids)));
+        }
+        let ids = Arc::new(tagged_with_all(snapshot, filters)?.unwrap_or_default());
+        let (revision, filters) = (snapshot.revision(), filters.to_vec());
+        *held(self.filtered.lock()) = Some(Filtered { revision, filters, ids: Arc::clone(&ids) });
+        Ok(Some(ids))
+    }
+}
+
+/// The ids, ascending, of the textures that carry all of these tags; `None` where no tag is asked for.
+pub(crate) fn tagged_with_all(state: &impl Reads, filters: &[(String, String)]) -> Result<Option<Vec<u64>>, Error> {
+    let mut allowed: Option<Vec<u64>> = None;
+    for (key, value) in filters {
+        let ids = match state.tagged(key, value) {
+            Err(StoreError::Damage(damage)) => {
+                tracing::warn!("{damage}: the tags are read from the records, one by one");
+                tagged_by_record(state, key, value)?
+            }
+            ids => ids?,
+        };
+        allowed = Some(match allowed {
+            None => ids,
+            Some(mut both) => {
+                both.retain(|id| ids.binary_search(id).is_ok());
+                both
+            }
+        });
+    }
+    Ok(allowed)
+}
+
+/// The ids of the textures that carry a tag, as their records say.
+fn tagged_by_record(state: &impl Reads, key: &str, value: &str) -> Result<Vec<u64>, Error> {
+    let mut ids = Vec::new();
+    for record in state.records() {
+        match record {
+            Ok(record) if record.tags.get(key).is_some_and(|held| held == value) => ids.push(record.id),
+            Ok(_) | Err(StoreError::Damage(_)) => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(ids)
+}

@@ -1,0 +1,231 @@
+//! Changes: every one a transaction, statistics and points included.
+
+pub(crate) mod prepare;
+
+use rayon::prelude::*;
+
+use self::prepare::{Prepared, Work};
+use crate::database::fit::spaces::fit;
+use crate::database::handle::Database;
+use crate::database::points::contributions::{contribution_blocks, contributions_of, described_contributions};
+use crate::database::points::spaces::last_fit;
+use crate::database::points::statistics_cache::StatisticsCache;
+use crate::database::scheme::Scheme;
+use crate::database::texture::{Meta, Texture};
+use crate::error::Error;
+use crate::space::{Contribution, Statistics};
+use crate::store::{NewTexture, Reads, StoreError, Transaction};
+use crate::volume::Volume;
+
+/// What became of a texture that was added.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Added {
+    /// It is in the store, under this id.
+    New(u64),
+    /// The same content was in the store already, under this id; nothing changed.
+    Duplicate(u64),
+}
+
+impl Added {
+    /// The texture's id.
+    pub fn id(self) -> u64 {
+        match self {
+            Self::New(id) | Self::Duplicate(id) => id,
+        }
+    }
+}
+
+impl Database {
+    /// Adds a texture, durably: when this returns it survives a crash. The same content is never added twice.
+    ///
+    /// For many textures, [`Database::prepare`] on several threads and [`Database::commit`] in batches is quicker, and
+    /// [`crate::ingest`] does that for files.
+    ///
+    /// # Errors
+    /// [`Error::Store`].
+    pub fn add(&self, volume: &Volume, meta: Meta) -> Result<Added, Error> {
+        let volumes = self.store().read()?.settings().volumes;
+        let added = self.commit(vec![self.prepare(volume, meta, volumes)?])?;
+        Ok(added.first().copied().unwrap_or(Added::Duplicate(0)))
+    }
+
+    /// Adds prepared textures in one transaction, in their order: all of them, durably, or none.
+    ///
+    /// # Errors
+    /// [`Error::Store`].
+    pub fn commit(&self, prepared: Vec<Prepared>) -> Result<Vec<Added>, Error> {
+        if prepared.is_empty() {
+            return Ok(Vec::new());
+        }
+        self.change_if(|transaction, statistics_cache| {
+            let mut fits = Fits::new(transaction)?;
+            let mut added = Vec::with_capacity(prepared.len());
+            for texture in prepared {
+                added.push(add_one(transaction, statistics_cache, texture)?);
+                fits.after(statistics_cache);
+            }
+            fits.finish(transaction)?;
+            let changed = added.iter().any(|outcome| matches!(outcome, Added::New(_)));
+            Ok((added, changed))
+        })
+    }
+
+    /// Removes textures, durably: all of them, or, where one is not there, none. Returns the ids removed, each once. One whose
+    /// record cannot be read is removed with all that lies under its id, after which its content can be added anew.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchTexture`], in [`Error::Store`].
+    pub fn remove(&self, ids: &[u64]) -> Result<Vec<u64>, Error> {
+        let mut ids = ids.to_vec();
+        ids.sort_unstable();
+        ids.dedup();
+        self.change(|transaction, statistics_cache| {
+            let views = Scheme::of(transaction);
+            for &id in &ids {
+                let whole = match transaction.record(id) {
+                    Ok(None) => return Err(StoreError::NoSuchTexture { id }.into()),
+                    Ok(Some(_)) => true,
+                    Err(StoreError::Damage(_)) => false,
+                    Err(error) => return Err(error.into()),
+                };
+                let parts = contributions_of(transaction, id, &views)?;
+                match whole {
+                    true => drop(transaction.remove(id)?),
+                    false => transaction.discard(id)?,
+                }
+                statistics_cache.remove(&parts)?;
+            }
+            renew_extremes(transaction, statistics_cache)
+        })?;
+        Ok(ids)
+    }
+
+    /// Sets and takes off tags of a texture, durably; returns it as it is then.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchTexture`]; [`StoreError::Invalid`] for an empty key, in [`Error::Store`].
+    pub fn tag(&self, id: u64, set: &[(String, String)], unset: &[String]) -> Result<Texture, Error> {
+        self.change_records(|transaction| {
+            for key in unset {
+                transaction.unset_tag(id, key)?;
+            }
+            for (key, value) in set {
+                transaction.set_tag(id, key, value)?;
+            }
+            Ok(transaction.record(id)?.ok_or(StoreError::NoSuchTexture { id })?.into())
+        })
+    }
+
+    /// Adds textures that come with moments and without octants, in one transaction.
+    pub(crate) fn add_described(&self, textures: Vec<NewTexture>) -> Result<Vec<u64>, Error> {
+        self.change(|transaction, statistics_cache| {
+            let recipes = Scheme::of(transaction).recipes();
+            let contributions: Vec<Vec<Contribution>> = textures
+                .par_iter()
+                .map(|texture| described_contributions(texture, &recipes))
+                .collect::<Result<_, _>>()?;
+            let mut fits = Fits::new(transaction)?;
+            // Counting and writing do not wait for one another.
+            let (counted, ids) = rayon::join(
+                || fits.count_all(statistics_cache, &contributions),
+                || textures.into_iter().map(|texture| transaction.add(texture)).collect::<Result<Vec<u64>, _>>(),
+            );
+            counted?;
+            let ids = ids?;
+            fits.finish(transaction)?;
+            Ok(ids)
+        })
+    }
+}
+
+fn add_one(
+    transaction: &mut Transaction,
+    statistics_cache: &mut StatisticsCache,
+    texture: Prepared,
+) -> Result<Added, Error> {
+    if let Some(id) = transaction.find(&texture.content.hash)? {
+        return Ok(Added::Duplicate(id));
+    }
+    let texture = match texture.work {
+        Work::Described(_) => texture,
+        Work::Known(ref volume, volumes) => {
+            let volume = volume.clone();
+            texture.described(&volume, volumes, &Scheme::of(transaction))?
+        }
+    };
+    let id = transaction.add(texture.texture)?;
+    if let Work::Described(parts) = &texture.work {
+        statistics_cache.add(parts)?;
+    }
+    Ok(Added::New(id))
+}
+
+/// Fits that become due while textures are added: at each doubling, on the statistics of that very moment, so that one
+/// batch and many give the same.
+struct Fits {
+    epoch: u64,
+    count: u64,
+    due: Option<Vec<Statistics>>,
+}
+
+impl Fits {
+    fn new(transaction: &Transaction) -> Result<Self, Error> {
+        let (epoch, count) = last_fit(transaction)?;
+        Ok(Self { epoch, count, due: None })
+    }
+
+    /// Notes the statistics where the store has just doubled.
+    fn after(&mut self, statistics_cache: &StatisticsCache) {
+        let textures = statistics_cache.textures();
+        if textures > 0 && textures >= 2 * self.count {
+            self.count = textures;
+            self.epoch += 1;
+            self.due = Some(statistics_cache.all().to_vec());
+        }
+    }
+
+    /// Counts textures in, and notes the statistics at the last doubling among them: earlier ones would be replaced.
+    fn count_all(
+        &mut self,
+        statistics_cache: &mut StatisticsCache,
+        textures: &[Vec<Contribution>],
+    ) -> Result<(), Error> {
+        let (mut counted, mut last) = (statistics_cache.textures(), None);
+        for (at, texture) in textures.iter().enumerate() {
+            counted += u64::from(statistics_cache.counts(texture));
+            if counted > 0 && counted >= 2 * self.count {
+                self.count = counted;
+                self.epoch += 1;
+                last = Some(at + 1);
+            }
+        }
+        let (before, after) = textures.split_at(last.unwrap_or(0));
+        statistics_cache.add_all(before)?;
+        if last.is_some() {
+            self.due = Some(statistics_cache.all().to_vec());
+        }
+        statistics_cache.add_all(after)
+    }
+
+    /// Fits on what was noted last; earlier fits of the same batch would have been replaced by it.
+    fn finish(self, transaction: &mut Transaction) -> Result<(), Error> {
+        match self.due {
+            Some(statistics) => fit(transaction, &statistics, self.epoch),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Looks for lowest and highest moments anew where a removed texture had one of them.
+fn renew_extremes(transaction: &Transaction, statistics_cache: &mut StatisticsCache) -> Result<(), Error> {
+    for statistics in statistics_cache.stale_extremes() {
+        let recipe = statistics.recipe().clone();
+        let blocks = contribution_blocks(transaction, &recipe)?;
+        let parts = blocks.flat_map(|block| match block {
+            Ok(parts) => parts.into_iter().map(Ok).collect(),
+            Err(error) => vec![Err(error)],
+        });
+        statistics.renew_extremes(parts)?;
+    }
+    Ok(())
+}
