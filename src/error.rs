@@ -1,6 +1,6 @@
 //! What can go wrong with a database, and how it is told.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::index::IndexError;
 use crate::space::SpaceError;
@@ -103,46 +103,47 @@ pub enum Error {
         what: String,
     },
     /// A volume is smaller than one block.
-    #[error("{path}: the volume is {} x {} x {} (Z, Y, X), too small for one block of {side} voxels a side: use a smaller --block", shape[0], shape[1], shape[2])]
+    #[error("{}: the volume is {} x {} x {} (Z, Y, X), too small for one block of {side} voxels a side: use a smaller --block", display_path(path), shape[0], shape[1], shape[2])]
     BlockTooLarge {
-        /// The file, as it is shown.
-        path: String,
+        /// The file.
+        path: PathBuf,
         /// Its shape.
         shape: Shape,
         /// The side asked for.
         side: usize,
     },
     /// An array does not have the shape that is needed.
-    #[error("{path}: the array is {found}, but {expected} is needed")]
+    #[error("{}: the array is {found}, but {expected} is needed", display_path(path))]
     ArrayShape {
-        /// The file, as it is shown.
-        path: String,
+        /// The file.
+        path: PathBuf,
         /// What was found.
         found: String,
         /// What is needed.
         expected: String,
     },
     /// A folder or tar file is no export of whole textures, or not a whole one.
-    #[error("{path}: {what}: take a folder or tar file that `hlacdb export --textures` wrote")]
+    #[error("{}: {what}: take a folder or tar file that `hlacdb export --textures` wrote", display_path(path))]
     Exchange {
-        /// The folder or file, as it is shown.
-        path: String,
+        /// The folder or file.
+        path: PathBuf,
         /// What was found.
         what: String,
     },
     /// A path leads out of the folder that it may name something in.
     #[error(
-        "{path}: this leads out of the folder that is ingested from: name something in it, and copy what is elsewhere"
+        "{}: this leads out of the folder that is ingested from: name something in it, and copy what is elsewhere",
+        display_path(path)
     )]
     Outside {
         /// The path as it was named, or the link, below the folder.
-        path: String,
+        path: PathBuf,
     },
     /// A path names nothing.
-    #[error("{path}: there is nothing of this name in the folder that is ingested from")]
+    #[error("{}: there is nothing of this name in the folder that is ingested from", display_path(path))]
     NotThere {
         /// The path as it was named.
-        path: String,
+        path: PathBuf,
         /// The system's own words.
         #[source]
         source: std::io::Error,
@@ -180,10 +181,12 @@ pub enum Error {
         textures: usize,
     },
     /// The operating system refused.
-    #[error("{doing} failed")]
+    #[error("{doing}{} failed", path.as_deref().map_or_else(String::new, |path| format!(" {}", display_path(path))))]
     Io {
-        /// What was being done, and to which file.
-        doing: String,
+        /// What was being done, e.g. `reading`.
+        doing: &'static str,
+        /// The file or folder, where it was done to one.
+        path: Option<PathBuf>,
         /// The system's own words.
         #[source]
         source: std::io::Error,
@@ -209,8 +212,62 @@ impl Error {
         )
     }
 
-    pub(crate) fn io(doing: impl Into<String>, source: std::io::Error) -> Self {
-        Self::Io { doing: doing.into(), source }
+    /// This error with each of its paths replaced by `shown(path)`.
+    ///
+    /// Errors name files as the caller named them, or by their full paths. Where an error is shown to somebody who must
+    /// not see the folders of this machine, make its paths relative first.
+    ///
+    /// ```
+    /// use hlacdb::{Database, OpenOptions};
+    /// use std::path::{Path, PathBuf};
+    /// let error = OpenOptions::new().create(false).open("/data/cores/none.hlacdb").unwrap_err();
+    /// assert!(error.to_string().contains("/data/cores/none.hlacdb"));
+    /// let error = error.map_paths(&|path: &Path| path.file_name().map_or_else(PathBuf::new, PathBuf::from));
+    /// assert!(!error.to_string().contains("/data") && error.to_string().contains("none.hlacdb"));
+    /// ```
+    #[must_use]
+    pub fn map_paths(mut self, shown: &dyn Fn(&Path) -> PathBuf) -> Self {
+        match &mut self {
+            Self::Read(error) => error.path = shown(&error.path),
+            Self::Store(error) => error.map_path(shown),
+            Self::BeyondRepair { path, source } => {
+                *path = shown(path);
+                source.map_path(shown);
+            }
+            Self::NoStore { path }
+            | Self::BlockTooLarge { path, .. }
+            | Self::ArrayShape { path, .. }
+            | Self::Exchange { path, .. }
+            | Self::Outside { path }
+            | Self::NotThere { path, .. } => *path = shown(path),
+            Self::Io { path, .. } => *path = path.as_deref().map(shown),
+            // Without paths. No wildcard: a new variant says here whether it has one.
+            Self::Volume(_)
+            | Self::Space(_)
+            | Self::Index(_)
+            | Self::Recipe(_)
+            | Self::ZeroK
+            | Self::NoExample
+            | Self::BadDistance { .. }
+            | Self::NoSuchSpace { .. }
+            | Self::SpaceExists { .. }
+            | Self::NotOwnSpace { .. }
+            | Self::NoVoxels
+            | Self::MissingViews { .. }
+            | Self::NoLabel { .. }
+            | Self::OneLabel { .. }
+            | Self::NoPair { .. }
+            | Self::Cancelled => {}
+        }
+        self
+    }
+
+    pub(crate) fn io(doing: &'static str, source: std::io::Error) -> Self {
+        Self::Io { doing, path: None, source }
+    }
+
+    pub(crate) fn file(doing: &'static str, path: &Path, source: std::io::Error) -> Self {
+        Self::Io { doing, path: Some(path.to_owned()), source }
     }
 }
 

@@ -54,7 +54,8 @@ struct Document {
 impl Demo {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         std::fs::create_dir_all(&self.dir).map_err(|source| hlacdb::Error::Io {
-            doing: format!("making the folder {}", display_path(&self.dir)),
+            doing: "making the folder",
+            path: Some(self.dir.clone()),
             source,
         })?;
         let database = OpenOptions::new().open(self.dir.join("textures.hlacdb"))?;

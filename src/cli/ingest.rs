@@ -93,7 +93,7 @@ impl Ingest {
                 broken_pipe = print_line(context, event).err();
             }
             if let (Status::Failed, Some(error), false) = (event.status, &event.error, stream) {
-                eprintln!("hlacdb: {error}");
+                eprintln!("hlacdb: {}", hlacdb::chain(error));
             }
         })?;
         drop(bars);

@@ -94,9 +94,9 @@ fn load(path: &Path) -> Result<Recipe, Failure> {
         return Ok(Recipe::builtin(name)?);
     }
     let known: Vec<&str> = builtin_names().collect();
-    let text = std::fs::read_to_string(path).map_err(|source| hlacdb::Error::Io {
-        doing: format!("reading the recipe {} (built in are: {})", display_path(path), known.join(", ")),
-        source,
+    let text = std::fs::read_to_string(path).map_err(|error| {
+        let (shown, known) = (display_path(path), known.join(", "));
+        Failure::sentence(format!("reading the recipe {shown} (built in are: {known}) failed: {error}"))
     })?;
     // The sentence says where in the recipe; which file it is only this place knows.
     Recipe::parse(&text).map_err(|error| Failure::sentence(format!("{}: {error}", display_path(path))))

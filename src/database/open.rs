@@ -86,9 +86,7 @@ impl OpenOptions {
         if let Some(bytes) = self.cache_bytes {
             options = options.cache_bytes(bytes);
         }
-        let exists = path
-            .try_exists()
-            .map_err(|source| Error::io(format!("looking at {}", crate::volume::display_path(path)), source))?;
+        let exists = path.try_exists().map_err(|source| Error::file("looking at", path, source))?;
         let store = match (exists, self.read_only, self.create) {
             (true, true, _) => options.open_read_only(path)?,
             (true, false, _) => options.open(path)?,

@@ -5,7 +5,6 @@ use std::path::{Component, Path, PathBuf};
 use walkdir::WalkDir;
 
 use crate::error::Error;
-use crate::volume::display_path;
 
 /// The path below `root` (a path with all links resolved) that a stranger names, all links resolved.
 ///
@@ -25,13 +24,13 @@ use crate::volume::display_path;
 /// # Errors
 /// [`Error::Outside`], [`Error::NotThere`].
 pub fn confined(root: &Path, named: &str) -> Result<PathBuf, Error> {
-    let outside = |path: &Path| Error::Outside { path: display_path(path) };
+    let outside = |path: &Path| Error::Outside { path: path.to_owned() };
     let below = Path::new(named);
     let plain = |part| matches!(part, Component::Normal(_) | Component::CurDir);
     if !below.components().all(plain) || named.contains('\0') {
         return Err(outside(below));
     }
-    let missing = |source| Error::NotThere { path: display_path(below), source };
+    let missing = |source| Error::NotThere { path: below.to_owned(), source };
     let path = root.join(below).canonicalize().map_err(missing)?;
     if !path.starts_with(root) {
         return Err(outside(below));

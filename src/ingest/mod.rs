@@ -76,30 +76,45 @@ pub enum Status {
 }
 
 /// One texture's outcome, told once it is durable.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Debug, Serialize)]
 pub struct Event {
     /// The texture's id, `None` where it failed.
     pub id: Option<u64>,
-    /// The file or folder it came from, escaped where it is not UTF-8.
-    pub path: String,
+    /// The file or folder it came from; for a synthetic texture, its name.
+    #[serde(serialize_with = "as_shown")]
+    pub path: PathBuf,
     /// What became of it.
     pub status: Status,
     /// Why it failed.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub error: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "as_chain_if_any")]
+    pub error: Option<Error>,
 }
 
 /// A file that gave no texture.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Debug, Serialize)]
 pub struct Failed {
-    /// The file or folder, escaped where it is not UTF-8.
-    pub path: String,
+    /// The file or folder.
+    #[serde(serialize_with = "as_shown")]
+    pub path: PathBuf,
     /// Why.
-    pub error: String,
+    #[serde(serialize_with = "as_chain")]
+    pub error: Error,
+}
+
+fn as_shown<S: serde::Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&volume::display_path(path))
+}
+
+fn as_chain<S: serde::Serializer>(error: &Error, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&chain(error))
+}
+
+fn as_chain_if_any<S: serde::Serializer>(error: &Option<Error>, serializer: S) -> Result<S::Ok, S::Error> {
+    error.as_ref().map(|error| chain(error)).serialize(serializer)
 }
 
 /// What an ingest did.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub struct Report {
     /// Textures added.
     pub added: u64,
@@ -124,13 +139,12 @@ fn is_none(count: &u64) -> bool {
 }
 
 impl Report {
-    fn count(&mut self, event: &Event) {
+    fn count(&mut self, event: Event) {
         match event.status {
             Status::Added => self.added += 1,
             Status::Duplicate => self.duplicates += 1,
             Status::Failed => {
-                let error = event.error.clone().unwrap_or_default();
-                self.failed.push(Failed { path: event.path.clone(), error });
+                self.failed.extend(event.error.map(|error| Failed { path: event.path, error }));
             }
         }
         self.ids.extend(event.id);
@@ -214,7 +228,7 @@ pub fn synthesise(
         tags.entry("recipe".into()).or_insert_with(|| recipe.name().to_owned());
         let meta = Meta::named(specimen.name.clone()).tags(tags).source(Source::SYNTHETIC);
         let prepared = database.prepare(&specimen.volume(), meta, Volumes::Keep);
-        Item { path: specimen.name, prepared, files: 1 }
+        Item { path: specimen.name.into(), prepared, files: 1 }
     };
     let mut batch = Batch::new(database, progress, on_event);
     let in_flight = IN_FLIGHT * pool.current_num_threads();
@@ -230,7 +244,7 @@ fn workers(jobs: Option<usize>) -> Result<rayon::ThreadPool, Error> {
 
 /// What a worker made of one texture: its path as shown, and what is to be committed, or why there is nothing.
 struct Item {
-    path: String,
+    path: PathBuf,
     prepared: Result<Prepared, Error>,
     /// How many files are done with this item (0 for all but the last block of one).
     files: u64,
@@ -245,7 +259,7 @@ fn one_per_file(database: &Database, file: Result<PathBuf, volume::ReadError>, o
         let meta = meta(&path, options).source(source);
         database.prepare(&volume, meta, options.volumes)
     });
-    Item { path: volume::display_path(&options.shown(&path)), prepared, files: 1 }
+    Item { path: options.shown(&path), prepared, files: 1 }
 }
 
 fn meta(path: &Path, options: &Options) -> Meta {
@@ -263,8 +277,7 @@ fn cut(
     options: &Options,
     batch: &mut Batch<'_>,
 ) {
-    let shown = |path: &Path| volume::display_path(&options.shown(path));
-    let fail = |path: &Path, error| Item { path: shown(path), prepared: Err(error), files: 1 };
+    let fail = |path: &Path, error| Item { path: options.shown(path), prepared: Err(error), files: 1 };
     let path = match file {
         Ok(path) => path,
         Err(error) => return batch.push(fail(&error.path.clone(), options.renamed(error).into())),
@@ -276,14 +289,15 @@ fn cut(
     let origins: Vec<_> = volume.block_origins(side).collect();
     let count = origins.len();
     if count == 0 {
-        return batch.push(fail(&path, Error::BlockTooLarge { path: shown(&path), shape: volume.shape(), side }));
+        return batch
+            .push(fail(&path, Error::BlockTooLarge { path: options.shown(&path), shape: volume.shape(), side }));
     }
     let whole: usize = volume.shape().iter().product();
     batch.report.left_over += (whole - count * side.pow(3)) as u64;
     let database = batch.database;
     let describe = |(number, origin): (usize, volume::Shape)| {
         let block = volume.block(origin, [side; 3]).ok_or(Error::BlockTooLarge {
-            path: shown(&path),
+            path: options.shown(&path),
             shape: volume.shape(),
             side,
         });
@@ -293,7 +307,7 @@ fn cut(
             meta.name = format!("{}[{z},{y},{x}]", meta.name);
             database.prepare(&block, meta, options.volumes)
         });
-        Item { path: shown(&path), prepared, files: u64::from(number + 1 == count) }
+        Item { path: options.shown(&path), prepared, files: u64::from(number + 1 == count) }
     };
     let in_flight = IN_FLIGHT * pool.current_num_threads();
     ordered::map(pool, in_flight, BATCH_AGE, origins.into_iter().enumerate(), describe, |next| batch.take(next));
@@ -369,10 +383,10 @@ impl<'a> Batch<'a> {
                     Some(Added::Duplicate(id)) => Event { id: Some(id), path, status: Status::Duplicate, error: None },
                     None => continue,
                 },
-                (Err(error), _) => Event { id: None, path, status: Status::Failed, error: Some(chain(&error)) },
+                (Err(error), _) => Event { id: None, path, status: Status::Failed, error: Some(error) },
             };
-            self.report.count(&event);
             (self.on_event)(&event);
+            self.report.count(event);
         }
         self.progress.advance(files);
     }

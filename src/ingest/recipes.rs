@@ -11,7 +11,6 @@ use crate::error::Error;
 use crate::ingest::Report;
 use crate::progress::Progress;
 use crate::synth::{Recipe, Specimen};
-use crate::volume::display_path;
 
 /// The kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,8 +27,7 @@ pub enum Format {
 /// # Errors
 /// [`Error::Io`]. Where `progress` cancels, the files written so far stay and the report says so.
 pub fn write_files(recipe: &Recipe, folder: &Path, format: Format, progress: &dyn Progress) -> Result<Report, Error> {
-    fs::create_dir_all(folder)
-        .map_err(|source| Error::io(format!("making the folder {}", display_path(folder)), source))?;
+    fs::create_dir_all(folder).map_err(|source| Error::file("making the folder", folder, source))?;
     let specimens = recipe.specimens();
     progress.begin("synthesising", Some(specimens.len() as u64));
     let written: Vec<bool> = specimens
@@ -60,15 +58,13 @@ fn write_file(specimen: &Specimen, folder: &Path, format: Format) -> Result<(), 
     let volume = specimen.volume();
     match format {
         Format::Npy => arrays::write_volume(&path, &volume),
-        Format::Raw => fs::write(&path, volume.voxels())
-            .map_err(|source| Error::io(format!("writing {}", display_path(&path)), source)),
+        Format::Raw => fs::write(&path, volume.voxels()).map_err(|source| Error::file("writing", &path, source)),
     }
 }
 
 fn write_index(specimens: &[Specimen], folder: &Path, format: Format) -> Result<(), Error> {
     let path = folder.join("textures.csv");
-    let failed =
-        |error: csv::Error| Error::io(format!("writing {}", display_path(&path)), std::io::Error::other(error));
+    let failed = |error: csv::Error| Error::file("writing", &path, std::io::Error::other(error));
     let keys: BTreeSet<&String> = specimens.iter().flat_map(|specimen| specimen.tags.keys()).collect();
     let mut table = csv::Writer::from_path(&path).map_err(failed)?;
     let heading = ["name", "file"].into_iter().chain(keys.iter().map(|key| key.as_str()));
@@ -78,5 +74,5 @@ fn write_index(specimens: &[Specimen], folder: &Path, format: Format) -> Result<
         cells.extend(keys.iter().map(|key| specimen.tags.get(*key).cloned().unwrap_or_default()));
         table.write_record(&cells).map_err(failed)?;
     }
-    table.flush().map_err(|source| Error::io(format!("writing {}", display_path(&path)), source))
+    table.flush().map_err(|source| Error::file("writing", &path, source))
 }

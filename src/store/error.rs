@@ -191,6 +191,33 @@ impl Damage {
 }
 
 impl StoreError {
+    /// Replaces the path, where there is one, by `shown(path)`.
+    pub(crate) fn map_path(&mut self, shown: &dyn Fn(&Path) -> PathBuf) {
+        match self {
+            Self::NotAStore { path, .. }
+            | Self::Exists { path }
+            | Self::Io { path, .. }
+            | Self::Newer { path, .. }
+            | Self::UnknownFeatures { path, .. }
+            | Self::NeedsMigration { path, .. }
+            | Self::HeldByWriter { path, .. }
+            | Self::NeedsRepair { path }
+            | Self::NoLocks { path }
+            | Self::DamagedFile { path, .. } => *path = shown(path),
+            // Without paths. No wildcard: a new variant says here whether it has one.
+            Self::ReadOnly
+            | Self::Busy { .. }
+            | Self::Damage(_)
+            | Self::NoSuchTexture { .. }
+            | Self::Duplicate { .. }
+            | Self::Invalid { .. }
+            | Self::Broken
+            | Self::Poisoned
+            | Self::Cancelled { .. }
+            | Self::Engine { .. } => {}
+        }
+    }
+
     pub(in crate::store) fn invalid(what: impl Into<String>) -> Self {
         Self::Invalid { what: what.into() }
     }

@@ -2,13 +2,13 @@
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use npyz::{DType, WriterBuilder};
 
 use crate::error::Error;
 use crate::hlac::MASK_COUNT;
-use crate::volume::{Volume, display_path};
+use crate::volume::Volume;
 
 /// Writes a C-ordered array of `f32`, `f64` or another plain type.
 ///
@@ -25,7 +25,7 @@ pub fn write_npy<T: npyz::AutoSerialize>(path: &Path, shape: &[usize], values: &
 /// # Errors
 /// [`Error::Io`].
 pub fn write_volume(path: &Path, volume: &Volume) -> Result<(), Error> {
-    let failed = |source| Error::io(format!("writing {}", display_path(path)), source);
+    let failed = |source| Error::file("writing", path, source);
     let mut shape: Vec<u64> = volume.shape().map(|side| side as u64).into();
     if volume.channels() > 1 {
         shape.push(volume.channels() as u64);
@@ -91,7 +91,7 @@ pub(crate) fn moments_from_npy(reader: impl Read) -> Result<Vec<[f32; MASK_COUNT
 
 /// An array that is written row by row, in constant memory.
 pub struct NpyRows<T: npyz::AutoSerialize> {
-    shown: String,
+    path: PathBuf,
     missing: usize,
     writer: npyz::NpyWriter<T, BufWriter<File>>,
 }
@@ -102,12 +102,11 @@ impl<T: npyz::AutoSerialize> NpyRows<T> {
     /// # Errors
     /// [`Error::Io`].
     pub fn create(path: &Path, shape: &[usize]) -> Result<Self, Error> {
-        let shown = display_path(path);
-        let failed = |source| Error::io(format!("writing {shown}"), source);
+        let failed = |source| Error::file("writing", path, source);
         let sides: Vec<u64> = shape.iter().map(|&side| side as u64).collect();
         let file = BufWriter::new(File::create(path).map_err(failed)?);
         let writer = npyz::WriteOptions::new().default_dtype().shape(&sides).writer(file).begin_nd().map_err(failed)?;
-        Ok(Self { missing: shape.iter().product(), writer, shown })
+        Ok(Self { missing: shape.iter().product(), writer, path: path.to_owned() })
     }
 
     /// Appends values.
@@ -117,7 +116,7 @@ impl<T: npyz::AutoSerialize> NpyRows<T> {
     pub fn push(&mut self, values: &[T]) -> Result<(), Error> {
         self.missing = self.missing.checked_sub(values.len()).ok_or_else(|| self.wrong("longer"))?;
         let written = values.iter().try_for_each(|value| self.writer.push(value));
-        written.map_err(|source| Error::io(format!("writing {}", self.shown), source))
+        written.map_err(|source| Error::file("writing", &self.path, source))
     }
 
     /// Ends the array.
@@ -128,19 +127,19 @@ impl<T: npyz::AutoSerialize> NpyRows<T> {
         if self.missing > 0 {
             return Err(self.wrong("shorter"));
         }
-        self.writer.finish().map_err(|source| Error::io(format!("writing {}", self.shown), source))
+        self.writer.finish().map_err(|source| Error::file("writing", &self.path, source))
     }
 
     fn wrong(&self, found: &str) -> Error {
         let expected = "as many values as the shape holds".to_owned();
-        Error::ArrayShape { path: self.shown.clone(), found: format!("{found} than its shape"), expected }
+        Error::ArrayShape { path: self.path.clone(), found: format!("{found} than its shape"), expected }
     }
 }
 
 /// A numpy array of moments, (N, 251 V) or (251 V,), f32 or f64 of either byte order, read row by row in constant memory:
 /// the 251 moments of each of V views, side by side.
 pub struct MomentRows {
-    shown: String,
+    path: PathBuf,
     left: u64,
     file: BufReader<File>,
     decode: Decode,
@@ -165,13 +164,12 @@ impl MomentRows {
     /// # Errors
     /// As [`MomentRows::open`].
     pub fn open_views(path: &Path, views: usize) -> Result<Self, Error> {
-        let shown = display_path(path);
-        let failed = |source| Error::io(format!("reading {shown}"), source);
+        let failed = |source| Error::file("reading", path, source);
         let mut file = BufReader::with_capacity(1 << 20, File::open(path).map_err(failed)?);
         let header = npyz::NpyHeader::from_reader(&mut file).map_err(failed)?;
         let columns = views * MASK_COUNT;
         let wrong = |found: String| Error::ArrayShape {
-            path: shown.clone(),
+            path: path.to_owned(),
             found,
             expected: format!("an array of shape (N, {columns}) or ({columns},) in C order, of f32 or f64"),
         };
@@ -195,7 +193,7 @@ impl MomentRows {
             (npyz::TypeChar::Float, Some(8), true) => (|b, out| decode(b, out, |v| f64::from_be_bytes(v) as f32), 8),
             _ => return Err(wrong(format!("of type {ty}"))),
         };
-        Ok(Self { shown, left, file, decode, bytes: vec![0; columns * width] })
+        Ok(Self { path: path.to_owned(), left, file, decode, bytes: vec![0; columns * width] })
     }
 
     /// How many rows are still to come.
@@ -211,11 +209,11 @@ impl MomentRows {
     fn row(&mut self) -> Result<Vec<[f32; MASK_COUNT]>, Error> {
         self.file.read_exact(&mut self.bytes).map_err(|source| match source.kind() {
             std::io::ErrorKind::UnexpectedEof => Error::ArrayShape {
-                path: self.shown.clone(),
+                path: self.path.clone(),
                 found: format!("cut short, {} of its rows are not there", self.left + 1),
                 expected: "every row that its header promises (fetch or write the file again)".into(),
             },
-            _ => Error::io(format!("reading {}", self.shown), source),
+            _ => Error::file("reading", &self.path, source),
         })?;
         let mut values = Vec::with_capacity(self.bytes.len() / 4);
         (self.decode)(&self.bytes, &mut values);
@@ -256,5 +254,5 @@ pub fn read_moments(path: &Path) -> Result<Vec<[f32; MASK_COUNT]>, Error> {
 /// [`Error::Io`].
 pub fn write_text(path: &Path, text: &str) -> Result<(), Error> {
     let written = File::create(path).and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|source| Error::io(format!("writing {}", display_path(path)), source))
+    written.map_err(|source| Error::file("writing", path, source))
 }

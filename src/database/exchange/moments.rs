@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -51,7 +51,7 @@ impl Database {
     /// [`Error::Io`], [`Error::Store`], [`Error::Cancelled`].
     pub fn export(&self, folder: &Path, graph: Option<usize>, progress: &dyn Progress) -> Result<ExportReport, Error> {
         let made = std::fs::create_dir_all(folder);
-        made.map_err(|source| Error::io(format!("making the folder {}", display_path(folder)), source))?;
+        made.map_err(|source| Error::file("making the folder", folder, source))?;
         let snapshot = self.store().read()?;
         let state = self.state(&snapshot, DEFAULT_SPACE)?;
         let rows = snapshot.rows()?;
@@ -147,7 +147,7 @@ impl Database {
 
 /// The names of imported rows: the lines of a file, or a stem and a number.
 struct Names {
-    lines: Option<(String, std::io::Lines<BufReader<File>>)>,
+    lines: Option<(PathBuf, std::io::Lines<BufReader<File>>)>,
     stem: String,
     row: u64,
 }
@@ -157,9 +157,8 @@ impl Names {
         let lines = match path {
             None => None,
             Some(path) => {
-                let shown = display_path(path);
-                let file = File::open(path).map_err(|source| Error::io(format!("reading {shown}"), source))?;
-                Some((shown, BufReader::new(file).lines()))
+                let file = File::open(path).map_err(|source| Error::file("reading", path, source))?;
+                Some((path.to_owned(), BufReader::new(file).lines()))
             }
         };
         Ok(Self { lines, stem, row: 0 })
@@ -169,11 +168,11 @@ impl Names {
         self.row += 1;
         match &mut self.lines {
             None => Ok(format!("{}-{:06}", self.stem, self.row - 1)),
-            Some((shown, lines)) => match lines.next() {
+            Some((path, lines)) => match lines.next() {
                 Some(Ok(line)) => Ok(line.trim_end().to_owned()),
-                Some(Err(source)) => Err(Error::io(format!("reading {shown}"), source)),
+                Some(Err(source)) => Err(Error::file("reading", path, source)),
                 None => Err(Error::ArrayShape {
-                    path: shown.clone(),
+                    path: path.clone(),
                     found: format!("a list of {} names", self.row - 1),
                     expected: "one name for each row of moments".into(),
                 }),
@@ -183,7 +182,7 @@ impl Names {
 }
 
 fn write_table(state: &impl Reads, path: &Path) -> Result<(), Error> {
-    let failed = |error: csv::Error| Error::io(format!("writing {}", display_path(path)), std::io::Error::other(error));
+    let failed = |error: csv::Error| Error::file("writing", path, std::io::Error::other(error));
     let keys: BTreeSet<String> = state.tag_keys()?.into_iter().collect();
     let mut table = csv::Writer::from_path(path).map_err(failed)?;
     let heading = ["row", "id", "name", "shape", "path"].into_iter().map(str::to_owned);
@@ -197,5 +196,5 @@ fn write_table(state: &impl Reads, path: &Path) -> Result<(), Error> {
         cells.extend(keys.iter().map(|key| record.tags.get(key).cloned().unwrap_or_default()));
         table.write_record(&cells).map_err(failed)?;
     }
-    table.flush().map_err(|source| Error::io(format!("writing {}", display_path(path)), source))
+    table.flush().map_err(|source| Error::file("writing", path, source))
 }

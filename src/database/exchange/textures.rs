@@ -141,8 +141,7 @@ impl Database {
     /// # Errors
     /// [`Error::Io`], [`Error::Store`], [`Error::Cancelled`].
     pub fn export_textures(&self, target: &Path, progress: &dyn Progress) -> Result<TexturesExportReport, Error> {
-        let shown = display_path(target);
-        let failed = |source| Error::io(format!("writing {shown}"), source);
+        let failed = |source| Error::file("writing", target, source);
         let snapshot = self.store().read()?;
         let mut report =
             TexturesExportReport { textures: 0, with_voxels: 0, damaged: Vec::new(), file: display_path(target) };
@@ -178,7 +177,7 @@ impl Database {
                 continue;
             }
             report.textures += 1;
-            report.with_voxels += u64::from(write_arrays(&snapshot, id, &mut sink, &shown)?);
+            report.with_voxels += u64::from(write_arrays(&snapshot, id, &mut sink, target)?);
         }
         if let Sink::Tar(mut tar) = sink {
             tar.finish().and_then(|()| tar.get_mut().flush()).map_err(failed)?;
@@ -197,13 +196,13 @@ impl Database {
     pub fn import_textures(&self, source: &Path, progress: &dyn Progress) -> Result<TexturesImportReport, Error> {
         let mut import = Import {
             database: self,
-            shown: display_path(source),
+            path: source,
             volumes: self.store().read()?.settings().volumes,
             batch: Vec::new(),
             bytes: 0,
             report: TexturesImportReport::default(),
         };
-        let failed = |source_of: io::Error| Error::io(format!("reading {}", display_path(source)), source_of);
+        let failed = |source_of: io::Error| Error::file("reading", source, source_of);
         if source.is_dir() {
             let mut list = BufReader::new(File::open(source.join(LIST)).map_err(failed)?);
             import.heading(&mut list)?;
@@ -297,8 +296,8 @@ fn line_of(snapshot: &Snapshot, id: u64) -> Result<Option<Line>, Error> {
 }
 
 /// Writes the array of a texture; true where it is voxels.
-fn write_arrays(snapshot: &Snapshot, id: u64, sink: &mut Sink<'_>, shown: &str) -> Result<bool, Error> {
-    let failed = |source| Error::io(format!("writing {shown}"), source);
+fn write_arrays(snapshot: &Snapshot, id: u64, sink: &mut Sink<'_>, target: &Path) -> Result<bool, Error> {
+    let failed = |source| Error::file("writing", target, source);
     if let Some(volume) = snapshot.voxels(id)? {
         let bytes = arrays::volume_to_npy(&volume).map_err(failed)?;
         sink.put(&array_name("voxels", id), bytes.len() as u64, &mut &bytes[..]).map_err(failed)?;
@@ -338,7 +337,7 @@ impl<I: Iterator<Item = Result<Vec<u8>, Error>>> Read for Lines<I> {
 /// Textures on their way in.
 struct Import<'a> {
     database: &'a Database,
-    shown: String,
+    path: &'a Path,
     volumes: Volumes,
     batch: Vec<Incoming>,
     bytes: u64,
@@ -352,7 +351,7 @@ enum Incoming {
 
 impl Import<'_> {
     fn wrong(&self, what: impl Into<String>) -> Error {
-        Error::Exchange { path: self.shown.clone(), what: what.into() }
+        Error::Exchange { path: self.path.to_owned(), what: what.into() }
     }
 
     fn heading(&self, list: &mut impl BufRead) -> Result<(), Error> {
@@ -373,7 +372,7 @@ impl Import<'_> {
     fn parse<T: serde::de::DeserializeOwned>(&self, list: &mut impl BufRead) -> Result<Option<T>, Error> {
         let mut line = Vec::new();
         let read = list.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line);
-        read.map_err(|source| Error::io(format!("reading {}", self.shown), source))?;
+        read.map_err(|source| Error::file("reading", self.path, source))?;
         if line.is_empty() {
             return Ok(None);
         }
@@ -391,8 +390,8 @@ impl Import<'_> {
     }
 
     fn tar(&mut self, file: File, progress: &dyn Progress) -> Result<(), Error> {
-        let shown = self.shown.clone();
-        let failed = |source| Error::io(format!("reading {shown}"), source);
+        let path = self.path;
+        let failed = |source| Error::file("reading", path, source);
         let mut tar = tar::Archive::new(BufReader::new(file));
         let mut expected: BTreeMap<String, Line> = BTreeMap::new();
         let mut begun = false;

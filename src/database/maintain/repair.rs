@@ -111,7 +111,7 @@ fn restore(path: &Path, passing: &Path, progress: &dyn Progress) -> Result<Resto
     if let Err(source) = std::fs::remove_file(passing)
         && source.kind() != std::io::ErrorKind::NotFound
     {
-        return Err(Error::io(format!("removing {}", display_path(passing)), source));
+        return Err(Error::file("removing", passing, source));
     }
     let beyond = |source: StoreError| match source {
         StoreError::Damage(_) | StoreError::DamagedFile { .. } | StoreError::Engine { .. } => {
@@ -223,7 +223,7 @@ fn take_place(path: &Path, passing: &Path) -> Result<PathBuf, Error> {
     });
     let kept = kept.into_iter().find(|kept| kept.symlink_metadata().is_err());
     let kept = kept.ok_or_else(|| StoreError::Exists { path: beside(path, ".damaged-999") })?;
-    let failed = |source| Error::io(format!("giving {} the name of the store", display_path(passing)), source);
+    let failed = |source| Error::file("renaming to the store's name", passing, source);
     // A second name first, then one step from old to new: at no moment is there no store.
     if std::fs::hard_link(path, &kept).is_err() {
         std::fs::rename(path, &kept).map_err(failed)?;

@@ -64,7 +64,10 @@ fn ingested(app: &App, intake: &Intake) -> Result<Response, Problem> {
     let failed: Vec<Failed> = report
         .failed
         .into_iter()
-        .map(|file| Failed { path: intake.shown(&file.path), error: intake.shown(&app.shown(&file.error)) })
+        .map(|file| Failed {
+            path: intake.shown(&crate::volume::display_path(&file.path)),
+            error: intake.shown(&app.shown(&crate::chain(&file.error))),
+        })
         .collect();
     if report.ids.is_empty() {
         let mut sentences = failed.into_iter().map(|file| file.error);

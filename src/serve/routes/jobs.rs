@@ -97,15 +97,15 @@ pub(crate) async fn ingest(State(app): State<Arc<App>>, Json(asked): Json<Ingest
         let report = ingest::ingest(&app.database, &[path], &options, job, &mut |event| {
             if event.status == Status::Failed {
                 failed += 1;
-                let error = event.error.as_deref().unwrap_or_default();
-                job.say(format!("{failed} failed, the last: {}", app.shown(error)));
+                let error = event.error.as_ref().map(|error| crate::chain(error)).unwrap_or_default();
+                job.say(format!("{failed} failed, the last: {}", app.shown(&error)));
             }
         })?;
         let state = if report.cancelled { JobState::Cancelled } else { JobState::Done };
         let mut message =
             format!("{} added, {} already there, {} failed", report.added, report.duplicates, report.failed.len());
         if let Some(last) = report.failed.last() {
-            message = format!("{message}, the last: {}", app.shown(&last.error));
+            message = format!("{message}, the last: {}", app.shown(&crate::chain(&last.error)));
         }
         Ok(Ended { state, message })
     })?;

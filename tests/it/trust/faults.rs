@@ -157,8 +157,11 @@ impl Act {
     /// Takes the store from the state before to the state after; or, where it is there already, changes nothing that counts.
     fn run(self, disk: &Disk) -> Result<(), Error> {
         if self == Self::Migrate {
-            hlacdb::migrations::migrate_with_backend(disk.clone())
-                .map_err(|error| Error::Io { doing: "migrating".into(), source: io::Error::other(error) })?;
+            hlacdb::migrations::migrate_with_backend(disk.clone()).map_err(|error| Error::Io {
+                doing: "migrating",
+                path: None,
+                source: io::Error::other(error),
+            })?;
             return Ok(());
         }
         let database = options().open_with_backend(disk.clone())?;
