@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use criterion::{Criterion, Throughput};
 use hlacdb::hlac::kernel::{self, Kernel};
-use hlacdb::hlac::{extract, extract_parallel, extract_sampled};
+use hlacdb::hlac::{Voxels, extract, extract_parallel, extract_sampled};
 use hlacdb::volume::Volume;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
@@ -49,6 +49,10 @@ fn noise(side: usize) -> Volume {
     .unwrap()
 }
 
+fn voxels(volume: &Volume) -> Voxels<'_> {
+    Voxels::new(volume.voxels(), volume.shape()).unwrap()
+}
+
 /// Every kernel gives the bits of the reference, or nothing is measured.
 fn check() {
     let volume = noise(40);
@@ -56,7 +60,7 @@ fn check() {
     for kernel in kernel::available() {
         assert_eq!(kernel.octants(volume.shape(), volume.voxels()), expected, "{kernel} differs from the reference");
     }
-    assert_eq!(extract_parallel(&volume), expected);
+    assert_eq!(extract_parallel(voxels(&volume)), expected);
     println!("answers: every kernel equals the scalar reference");
 }
 
@@ -109,7 +113,7 @@ fn table(volumes: &[Volume]) {
         }
         let threads = rayon::current_num_threads();
         let span = Duration::from_millis(1500);
-        row(&format!("active, {threads} threads"), best(span, || extract_parallel(volume)), threads as f64);
+        row(&format!("active, {threads} threads"), best(span, || extract_parallel(voxels(volume))), threads as f64);
     }
     many(&volumes[0]);
     binary(&volumes[0]);
@@ -120,8 +124,8 @@ fn table(volumes: &[Volume]) {
 fn many(volume: &Volume) {
     let volumes = vec![volume.clone(); 64];
     let span = Duration::from_millis(1500);
-    let one = best(span, || volumes.iter().map(|volume| extract(volume).total().values[0]).sum::<u64>());
-    let all = best(span, || volumes.par_iter().map(|volume| extract(volume).total().values[0]).sum::<u64>());
+    let one = best(span, || volumes.iter().map(|volume| extract(voxels(volume)).total().values[0]).sum::<u64>());
+    let all = best(span, || volumes.par_iter().map(|volume| extract(voxels(volume)).total().values[0]).sum::<u64>());
     println!(
         "64 volumes of 64^3: {:.1} ms by one thread, {:.1} ms by {} ({:.2} times)",
         one * 1e3,
@@ -141,8 +145,8 @@ fn binary(volume: &Volume) {
 
 /// From how many random windows on the exact sums of all windows are cheaper.
 fn sampled(volume: &Volume) {
-    let exact = best(Duration::from_millis(500), || extract(volume));
-    let window = best(Duration::from_millis(500), || extract_sampled(volume, 10_000, 1).unwrap()) / 10_000.0;
+    let exact = best(Duration::from_millis(500), || extract(voxels(volume)));
+    let window = best(Duration::from_millis(500), || extract_sampled(voxels(volume), 10_000, 1).unwrap()) / 10_000.0;
     println!(
         "random windows: {:.0} ns each; all {} exactly cost as much as {:.0} of them",
         window * 1e9,
@@ -240,7 +244,7 @@ fn measure(criterion: &mut Criterion, volumes: &[Volume]) {
                 group.bench_function(kernel.name(), |b| b.iter(|| kernel.octants(volume.shape(), volume.voxels())));
             }
         }
-        group.bench_function("active, all threads", |b| b.iter(|| extract_parallel(volume)));
+        group.bench_function("active, all threads", |b| b.iter(|| extract_parallel(voxels(volume))));
         group.finish();
     }
 }

@@ -5,7 +5,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use hlacdb::hlac::{self, MASK_COUNT, OctantSums, View, kernel};
+use hlacdb::hlac::{MASK_COUNT, OctantSums, View, kernel};
 use hlacdb::space::{Contribution, Definition, Prior, Recipe, Space, Statistics};
 use hlacdb::synth;
 use hlacdb::volume::Volume;
@@ -18,20 +18,20 @@ fn texture() -> Volume {
 }
 
 fn described() -> Vec<(View, OctantSums)> {
-    hlac::describe(&texture(), &View::DEFAULT_STORED)
+    hlacdb::describe(&texture(), &View::DEFAULT_STORED)
 }
 
 fn describing(criterion: &mut Criterion) {
     let volume = texture();
-    assert_eq!(described()[0].1, hlac::extract(&volume));
+    assert_eq!(described()[0].1, hlacdb::octant_sums(&volume));
     let mut group = criterion.benchmark_group(format!("describe 64^3, {}", kernel::active()));
-    group.bench_function("plain sums", |bencher| bencher.iter(|| hlac::extract(black_box(&volume))));
+    group.bench_function("plain sums", |bencher| bencher.iter(|| hlacdb::octant_sums(black_box(&volume))));
     group.bench_function("eight views", |bencher| {
-        bencher.iter(|| hlac::describe(black_box(&volume), &View::DEFAULT_STORED));
+        bencher.iter(|| hlacdb::describe(black_box(&volume), &View::DEFAULT_STORED));
     });
     for view in View::DEFAULT_STORED {
         group.bench_function(format!("{view} alone"), |bencher| {
-            bencher.iter(|| hlac::describe(black_box(&volume), &[view]))
+            bencher.iter(|| hlacdb::describe(black_box(&volume), &[view]))
         });
     }
     group.finish();

@@ -10,7 +10,7 @@ use std::error::Error;
 use std::fs::File;
 use std::path::Path;
 
-use hlacdb::hlac::{self, MASK_COUNT, OctantSums, View};
+use hlacdb::hlac::{MASK_COUNT, OctantSums, View};
 use hlacdb::space::{self, Contribution, Definition, Prior, Space, Statistics};
 use hlacdb::synth::families::FAMILIES;
 use hlacdb::synth::{Nuisance, Recipe};
@@ -37,7 +37,7 @@ fn main() -> Result<(), Failure> {
         .map(|(at, specimen)| {
             let volume = specimen.volume();
             let copy = Nuisance::ALL.draw(at as u64).apply(&volume);
-            (hlac::describe(&volume, views), hlac::describe(&copy, views))
+            (hlacdb::describe(&volume, views), hlacdb::describe(&copy, views))
         })
         .collect();
 

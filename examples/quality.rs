@@ -10,7 +10,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 
-use hlacdb::hlac::{self, MASK_COUNT, View};
+use hlacdb::hlac::{MASK_COUNT, View};
 use hlacdb::space::prior::{self, Observations};
 use hlacdb::space::{Contribution, Definition, Features, Kind, Metric, Prior, Space, Statistics};
 use hlacdb::synth::{Nuisance, Recipe, Specimen};
@@ -129,7 +129,7 @@ fn prior_without(
 
 fn textures(specimens: &[Specimen], label: &str) -> Result<Vec<Texture>, Failure> {
     let describe = |specimen: &Specimen| {
-        let described = hlac::describe(&specimen.volume(), &View::DEFAULT_STORED);
+        let described = hlacdb::describe(&specimen.volume(), &View::DEFAULT_STORED);
         let recipes: BTreeMap<String, _> = Definition::BUILT_IN
             .iter()
             .filter_map(|name| Definition::built_in(name))

@@ -34,6 +34,7 @@
 #![deny(unsafe_code)]
 
 mod database;
+mod describe;
 mod error;
 pub mod eval;
 pub mod index;
@@ -65,6 +66,7 @@ pub use database::{
     StatisticsReport, TagValues, Texture, TextureMap, TexturesExportReport, TexturesImportReport, UnknownCombine,
     VerifyReport, arrays,
 };
+pub use describe::{describe, octant_sums};
 pub use error::{Error, chain};
 pub use hlac;
 pub use hlacdb_volume as volume;

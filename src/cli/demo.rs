@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::Args;
 use hlacdb::synth::{Recipe, Specimen};
 use hlacdb::volume::{Source, Volume, display_path};
-use hlacdb::{Database, Meta, OpenOptions, Progress, Query, arrays, eval, hlac};
+use hlacdb::{Database, Meta, OpenOptions, Progress, Query, arrays, eval};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -194,7 +194,7 @@ fn build(database: &Database, recipe: &Recipe, bars: &Bars) -> Result<Option<Tim
     }
     bars.begin("features", Some(textures.len() as u64));
     let began = Instant::now();
-    let windows: u64 = textures.par_iter().map(|(_, volume)| hlac::extract(volume).total().windows).sum();
+    let windows: u64 = textures.par_iter().map(|(_, volume)| hlacdb::octant_sums(volume).total().windows).sum();
     times.features = began.elapsed().as_secs_f64();
     tracing::debug!(windows, "all sums taken");
     if bars.cancelled() {

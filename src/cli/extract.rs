@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use hlacdb::hlac::{
-    self, ExtractError, Extraction, MASK_COUNT, MASKS, MaskedSums, RegionSlabExtractor, SlabExtractor, Spacing, Sums,
-    Workers,
+    self, ExtractError, Extraction, MASK_COUNT, MASKS, MaskSpacing, MaskedSums, RegionSlabExtractor, SlabExtractor,
+    Sums, Voxels,
 };
 use hlacdb::volume::{self, Intensity, ReadError, ReadOptions, Shape, SlabReader, Volume};
 use hlacdb::{Progress, arrays};
@@ -64,7 +64,7 @@ pub(crate) struct Extract {
 
     /// `exact`: how far apart the cells of a window are, in voxels
     #[arg(long, value_name = "VOXELS", default_value = "1", value_parser = spacing_parser())]
-    spacing: Spacing,
+    spacing: MaskSpacing,
 
     /// `exact`: take only windows whose cells lie where this volume of the same shape is not 0; each mask then has its own
     /// number of windows (`counts` in JSON), by which its moment is divided
@@ -89,11 +89,11 @@ const SAMPLED_WINDOWS: u64 = 10_000;
 /// The most memory that reading and describing one slab takes, however much may be taken (a plane at least).
 const LARGEST_SLAB: u64 = 256 << 20;
 
-fn spacing_parser() -> impl TypedValueParser<Value = Spacing> {
+fn spacing_parser() -> impl TypedValueParser<Value = MaskSpacing> {
     PossibleValuesParser::new(["1", "2", "4"]).map(|text| match text.as_str() {
-        "4" => Spacing::Four,
-        "2" => Spacing::Two,
-        _ => Spacing::One,
+        "4" => MaskSpacing::Four,
+        "2" => MaskSpacing::Two,
+        _ => MaskSpacing::One,
     })
 }
 
@@ -128,8 +128,10 @@ struct Extracted {
 enum Refused {
     #[error(transparent)]
     Read(#[from] ReadError),
-    #[error("{path}: {error}")]
+    #[error("{path}: {error}{}", .error.hint().map(|hint| format!(": {hint}")).unwrap_or_default())]
     Extract { path: String, error: ExtractError },
+    #[error("{path}: the region has {channels} channels: a region is a grey volume")]
+    ColourRegion { path: String, channels: usize },
     /// The person did not want to wait: told once for all files.
     #[error("stopped")]
     Stopped,
@@ -170,7 +172,7 @@ struct Failed<'a> {
 
 impl Extract {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
-        if self.variant != Variant::Exact && (self.region.is_some() || self.spacing != Spacing::One) {
+        if self.variant != Variant::Exact && (self.region.is_some() || self.spacing != MaskSpacing::One) {
             let sentence = "--spacing and --region are for exact sums: leave out --variant".into();
             return Err(Failure::Usage(sentence));
         }
@@ -227,6 +229,9 @@ impl Extract {
             return Err(Refused::Stopped);
         }
         let refused = |error| Refused::Extract { path: volume::display_path(path), error };
+        if let Some(channels) = region.map(Volume::channels).filter(|&channels| channels != 1) {
+            return Err(Refused::ColourRegion { path: volume::display_path(path), channels });
+        }
         let options = self.reading.options();
         if self.variant == Variant::Exact {
             let reader = SlabReader::open(path, &options)?;
@@ -255,26 +260,28 @@ impl Extract {
     }
 
     /// Many files keep the cores busy by themselves; one file is shared by them.
-    fn workers(&self) -> Workers {
-        if self.files.len() > 1 { Workers::One } else { Workers::Pool }
+    fn extraction(&self) -> Extraction {
+        Extraction::new().spacing(self.spacing).parallel(self.files.len() == 1)
     }
 
     /// The sums of a whole volume by the variant asked for.
     fn sums(&self, volume: &Volume, region: Option<&Volume>) -> Result<Answer, ExtractError> {
-        let extraction = Extraction::new().spacing(self.spacing).workers(self.workers());
+        let grey = volume.luma();
+        let voxels = Voxels::new(grey.voxels(), grey.shape())?;
         Ok(match (self.variant, region) {
-            (Variant::Exact, None) => Answer::of(&extraction.sums(volume)?.total()),
+            (Variant::Exact, None) => Answer::of(&self.extraction().sums(voxels)?.total()),
             (Variant::Exact, Some(region)) => {
-                let sums = extraction.sums_in(volume, region)?.total();
+                let region = Voxels::new(region.voxels(), region.shape())?;
+                let sums = self.extraction().sums_in(voxels, region)?.total();
                 Answer::within(&sums, self.spacing.windows(volume.shape()))
             }
             (Variant::Sampled, _) => {
-                let there = Spacing::One.windows(volume.shape());
+                let there = MaskSpacing::One.windows(volume.shape());
                 let asked = self.windows.unwrap_or(there.min(SAMPLED_WINDOWS));
-                Answer::of(&hlac::extract_sampled(volume, asked, self.seed)?)
+                Answer::of(&hlac::extract_sampled(voxels, asked, self.seed)?)
             }
             (Variant::HitSum, _) => {
-                let sums = hlac::extract_hit_sum(volume);
+                let sums = hlac::extract_hit_sum(voxels);
                 Answer { windows: sums.windows, sums: sums.values, moments: sums.moments(), counts: None }
             }
         })
@@ -283,12 +290,12 @@ impl Extract {
     /// What takes the slabs of a volume too large to be read whole.
     fn slabs<'a>(&self, shape: Shape, region: Option<&'a Volume>) -> Result<Slabs<'a>, ExtractError> {
         let Some(region) = region else {
-            return Ok(Slabs::All(SlabExtractor::spaced(shape, self.spacing)?.workers(self.workers())));
+            return Ok(Slabs::All(self.extraction().slabs(shape)?));
         };
-        if region.shape() != shape || region.channels() != 1 {
-            return Err(ExtractError::Region { volume: shape, region: region.shape(), channels: region.channels() });
+        if region.shape() != shape {
+            return Err(ExtractError::RegionShape { volume: shape, region: region.shape() });
         }
-        let extractor = RegionSlabExtractor::spaced(shape, self.spacing)?.workers(self.workers());
+        let extractor = self.extraction().region_slabs(shape)?;
         Ok(Slabs::Within { extractor, region, windows: self.spacing.windows(shape) })
     }
 

@@ -19,12 +19,11 @@ const NAMED: usize = 3;
 /// the origin.
 ///
 /// ```
-/// use hlacdb::hlac;
 /// use hlacdb::space::{Definition, Prior, Space, Statistics};
 /// use hlacdb::volume::Volume;
 /// let definition = Definition::built_in("paper").ok_or("no such space")?;
 /// let space = Space::fit(&definition, &Statistics::new(&definition.recipe), None, &Prior::none())?;
-/// let described = hlac::describe(&Volume::new([4, 4, 4], 1, vec![2; 64])?, definition.recipe.views());
+/// let described = hlacdb::describe(&Volume::new([4, 4, 4], 1, vec![2; 64])?, definition.recipe.views());
 /// let moments = described[0].1.total().descriptor();
 /// let point = space.point(&space.recipe().features(|_| Some(&moments))?)?;
 /// assert_eq!(point[0], 2.0);

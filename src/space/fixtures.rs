@@ -1,7 +1,7 @@
 //! Small textures for tests.
 
 use super::{Contribution, Features, Recipe, Statistics};
-use crate::hlac::{self, OctantSums, View};
+use crate::hlac::{OctantSums, View};
 use crate::volume::Volume;
 
 /// A texture of 16^3 voxels: waves along a direction, and noise, both by the seed.
@@ -23,7 +23,7 @@ pub(super) fn volume(seed: u64) -> Volume {
 }
 
 pub(super) fn described(seed: u64) -> Vec<(View, OctantSums)> {
-    hlac::describe(&volume(seed), &View::DEFAULT_STORED)
+    crate::describe(&volume(seed), &View::DEFAULT_STORED)
 }
 
 pub(super) fn features(recipe: &Recipe, described: &[(View, OctantSums)]) -> Features {

@@ -47,8 +47,8 @@ use super::fit::{Model, inverse_deviation};
 use super::linear::{Eigen, Matrix};
 use super::scatter::Scatter;
 use super::{Contribution, Form, Nuisance, Recipe, SpaceError, Statistics};
+use crate::hlac::MASK_COUNT;
 use crate::hlac::orbits::{ORBIT_COUNT, ORBIT_OF, members, symmetries};
-use crate::hlac::{self, MASK_COUNT};
 use crate::volume::Volume;
 
 const PRIOR: Header = Header { what: "prior", magic: *b"hPri", version: 2 };
@@ -263,7 +263,7 @@ impl Observations {
     /// None that volumes can give.
     pub fn add(&mut self, texture: &Volume, copies: &[Volume]) -> Result<(), SpaceError> {
         let recipe = Recipe::stored();
-        let described = hlac::describe(texture, recipe.views());
+        let described = crate::describe(texture, recipe.views());
         let oriented = Contribution::of_sums(&Recipe::oriented(), &described)?;
         let (Some(pooled), Some(oriented)) = (Contribution::of_sums(&recipe, &described)?, oriented) else {
             return Ok(());
@@ -271,7 +271,7 @@ impl Observations {
         self.pooled.add(&pooled)?;
         self.oriented.add(&oriented)?;
         for copy in copies {
-            if let Some(copy) = Contribution::of_sums(&recipe, &hlac::describe(copy, recipe.views()))? {
+            if let Some(copy) = Contribution::of_sums(&recipe, &crate::describe(copy, recipe.views()))? {
                 self.nuisance.add(&pooled, &copy)?;
             }
         }

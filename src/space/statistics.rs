@@ -11,7 +11,7 @@ use super::bytes::{Header, Reader, Writer};
 use super::linear::Matrix;
 use super::scatter::{Scatter, Sign};
 use super::{Features, Form, Recipe, SpaceError};
-use crate::hlac::{self, MASK_COUNT, OctantSums, View};
+use crate::hlac::{MASK_COUNT, OctantSums, View};
 use crate::volume::Volume;
 
 /// One unit of a quantised feature.
@@ -134,13 +134,12 @@ impl Extremes {
 /// Additive statistics of the textures of a store under one recipe.
 ///
 /// ```
-/// use hlacdb::hlac;
 /// use hlacdb::space::{Contribution, Recipe, Statistics};
 /// use hlacdb::volume::Volume;
 /// let recipe = Recipe::plain();
 /// let mut statistics = Statistics::new(&recipe);
 /// for level in [0, 255] {
-///     let described = hlac::describe(&Volume::new([4, 4, 4], 1, vec![level; 64])?, recipe.views());
+///     let described = hlacdb::describe(&Volume::new([4, 4, 4], 1, vec![level; 64])?, recipe.views());
 ///     statistics.add(&Contribution::of_sums(&recipe, &described)?.ok_or("too small")?)?;
 /// }
 /// assert_eq!((statistics.count(), statistics.mean()[0], statistics.deviation()[0]), (2, 0.5, 0.5));
@@ -504,7 +503,7 @@ impl Nuisance {
     /// # Errors
     /// None that volumes can give.
     pub fn observe(&mut self, texture: &Volume, copy: &Volume) -> Result<bool, SpaceError> {
-        let contribution = |volume| Contribution::of_sums(&self.recipe, &hlac::describe(volume, self.recipe.views()));
+        let contribution = |volume| Contribution::of_sums(&self.recipe, &crate::describe(volume, self.recipe.views()));
         let pair = contribution(texture)?.zip(contribution(copy)?);
         pair.as_ref().map_or(Ok(()), |(texture, copy)| self.add(texture, copy))?;
         Ok(pair.is_some())

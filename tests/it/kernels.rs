@@ -2,9 +2,8 @@
 
 use hlacdb::hlac::kernel::{self, Kernel};
 use hlacdb::hlac::{
-    self, ExtractError, Extraction, MASKS, OctantSums, SlabExtractor, Spacing, Workers, kernel::scalar,
+    self, ExtractError, Extraction, MASKS, MaskSpacing, OctantSums, SlabExtractor, VoxelBuf, Voxels, kernel::scalar,
 };
-use hlacdb::volume::{Shape, Volume};
 use proptest::prelude::*;
 
 /// What the voxels of a test volume are like.
@@ -17,9 +16,9 @@ enum Content {
     Binary,
 }
 
-fn volume(shape: Shape, content: Content, seed: u64) -> Volume {
+fn volume(shape: [usize; 3], content: Content, seed: u64) -> VoxelBuf {
     let mut state = seed | 1;
-    let voxel = |_, _, _| {
+    let voxel = |_| {
         state ^= state << 13;
         state ^= state >> 7;
         state ^= state << 17;
@@ -32,7 +31,7 @@ fn volume(shape: Shape, content: Content, seed: u64) -> Volume {
             Content::Binary => byte / 128 * 255,
         }
     };
-    Volume::from_fn(shape, voxel).unwrap()
+    VoxelBuf::new((0..shape.iter().product::<usize>()).map(voxel).collect(), shape).unwrap()
 }
 
 fn content() -> impl Strategy<Value = Content> {
@@ -46,7 +45,7 @@ fn content() -> impl Strategy<Value = Content> {
 }
 
 /// Thin, long and odd shapes of up to `most` voxels.
-fn shape(least: usize, most: usize) -> impl Strategy<Value = Shape> {
+fn shape(least: usize, most: usize) -> impl Strategy<Value = [usize; 3]> {
     let side = move || prop_oneof![3 => least..least + 6, 2 => least..40, 1 => least..135];
     (side(), side(), side())
         .prop_map(|(z, y, x)| [z, y, x])
@@ -54,7 +53,7 @@ fn shape(least: usize, most: usize) -> impl Strategy<Value = Shape> {
 }
 
 /// The definition itself, with spacing and a region; `None` for a region is everywhere.
-fn by_definition(volume: &Volume, spacing: usize, region: Option<&Volume>) -> ([Vec<u64>; 8], [Vec<u64>; 8]) {
+fn by_definition(volume: Voxels<'_>, spacing: usize, region: Option<Voxels<'_>>) -> ([Vec<u64>; 8], [Vec<u64>; 8]) {
     let shape = volume.shape();
     let grid = shape.map(|side| side - 2 * spacing);
     let (mut counts, mut sums) = ([const { Vec::new() }; 8], [const { Vec::new() }; 8]);
@@ -68,10 +67,10 @@ fn by_definition(volume: &Volume, spacing: usize, region: Option<&Volume>) -> ([
                     let at = |[dz, dy, dx]: [usize; 3]| {
                         ((z + spacing * dz) * shape[1] + y + spacing * dy) * shape[2] + x + spacing * dx
                     };
-                    if mask.offsets().all(|cell| region.is_none_or(|region| region.voxels()[at(cell)] != 0)) {
+                    if mask.offsets().all(|cell| region.is_none_or(|region| region.as_slice()[at(cell)] != 0)) {
                         counts[octant][index] += 1;
                         sums[octant][index] +=
-                            mask.offsets().map(|cell| u64::from(volume.voxels()[at(cell)])).product::<u64>();
+                            mask.offsets().map(|cell| u64::from(volume.as_slice()[at(cell)])).product::<u64>();
                     }
                 }
             }
@@ -103,39 +102,40 @@ proptest! {
     #[test]
     fn every_kernel_equals_the_reference(shape in shape(3, 12_000), content in content(), seed: u64) {
         let volume = volume(shape, content, seed);
-        let expected = scalar::octants(shape, volume.voxels());
+        let expected = scalar::octants(shape, volume.as_voxels().as_slice());
         for kernel in kernels() {
-            assert_equal(&kernel.octants(shape, volume.voxels()), &expected, kernel.name());
+            assert_equal(&kernel.octants(shape, volume.as_voxels().as_slice()), &expected, kernel.name());
         }
-        assert_equal(&hlac::extract(&volume), &expected, "extract");
-        assert_equal(&hlac::extract_parallel(&volume), &expected, "extract_parallel");
+        assert_equal(&hlac::extract(volume.as_voxels()), &expected, "extract");
+        assert_equal(&hlac::extract_parallel(volume.as_voxels()), &expected, "extract_parallel");
     }
 
     #[test]
     fn bits_equal_the_reference(shape in shape(3, 12_000), seed: u64) {
         let volume = volume(shape, Content::Binary, seed);
-        let expected = scalar::octants(shape, volume.voxels());
-        assert_equal(&kernel::octants_binary(shape, volume.voxels()), &expected, "octants_binary");
+        let expected = scalar::octants(shape, volume.as_voxels().as_slice());
+        assert_equal(&kernel::octants_binary(shape, volume.as_voxels().as_slice()), &expected, "octants_binary");
     }
 
     #[test]
     fn spacing_and_regions_equal_the_definition(
         shape in shape(9, 6_000),
         (content, inside) in (content(), content()),
-        (spacing, workers) in (0..3_usize, prop_oneof![Just(Workers::One), Just(Workers::Pool)]),
+        (spacing, parallel) in (0..3_usize, any::<bool>()),
         seed: u64,
     ) {
-        let (spacing, volume) = (Spacing::ALL[spacing], volume(shape, content, seed));
+        let (spacing, volume) = (MaskSpacing::ALL[spacing], volume(shape, content, seed));
         let region = self::volume(shape, inside, seed ^ 0x55aa);
-        let extraction = Extraction::new().spacing(spacing).workers(workers);
-        let (counts, sums) = by_definition(&volume, spacing.voxels(), None);
-        let found = extraction.sums(&volume).unwrap();
+        let extraction = Extraction::new().spacing(spacing).parallel(parallel);
+        let (volume, region) = (volume.as_voxels(), region.as_voxels());
+        let (counts, sums) = by_definition(volume, spacing.voxels(), None);
+        let found = extraction.sums(volume).unwrap();
         for octant in 0..8 {
             prop_assert_eq!(found.0[octant].windows, counts[octant][0]);
             prop_assert_eq!(found.0[octant].values.to_vec(), &sums[octant][..]);
         }
-        let (counts, sums) = by_definition(&volume, spacing.voxels(), Some(&region));
-        let found = extraction.sums_in(&volume, &region).unwrap();
+        let (counts, sums) = by_definition(volume, spacing.voxels(), Some(region));
+        let found = extraction.sums_in(volume, region).unwrap();
         for octant in 0..8 {
             prop_assert_eq!(found.0[octant].windows.to_vec(), &counts[octant][..]);
             prop_assert_eq!(found.0[octant].values.to_vec(), &sums[octant][..]);
@@ -146,13 +146,13 @@ proptest! {
     fn slabs_equal_the_whole(shape in shape(3, 12_000), cuts in prop::collection::vec(1..9_usize, 1..5), seed: u64) {
         let volume = volume(shape, Content::Random, seed);
         let mut slabs = SlabExtractor::new(shape).unwrap();
-        let (mut planes, mut cuts) = (volume.voxels(), cuts.into_iter().cycle());
+        let (mut planes, mut cuts) = (volume.as_voxels().as_slice(), cuts.into_iter().cycle());
         while !planes.is_empty() {
             let (slab, rest) = planes.split_at(planes.len().min(cuts.next().unwrap() * shape[1] * shape[2]));
             slabs.push(slab).unwrap();
             planes = rest;
         }
-        assert_equal(&slabs.finish().unwrap(), &hlac::extract(&volume), "slabs");
+        assert_equal(&slabs.finish().unwrap(), &hlac::extract(volume.as_voxels()), "slabs");
     }
 }
 
@@ -164,7 +164,7 @@ fn full_lanes_do_not_overflow() {
     let volume = volume(shape, Content::Full, 0);
     let windows = (64 * 128 * 34) as u64;
     for kernel in kernels() {
-        let octants = kernel.octants(shape, volume.voxels());
+        let octants = kernel.octants(shape, volume.as_voxels().as_slice());
         let total = octants.total();
         assert_eq!(total.windows, windows, "{kernel}");
         for (mask, &value) in MASKS.iter().zip(&total.values) {
@@ -177,31 +177,38 @@ fn full_lanes_do_not_overflow() {
 #[test]
 fn what_is_no_volume_of_windows_is_refused() {
     let volume = volume([8, 9, 10], Content::Random, 1);
-    let error = Extraction::new().spacing(Spacing::Four).sums(&volume).unwrap_err();
+    let error = Extraction::new().spacing(MaskSpacing::Four).sums(volume.as_voxels()).unwrap_err();
     assert_eq!(error, ExtractError::TooSmall { shape: [8, 9, 10], spacing: 4, needed: 9 });
     let region = self::volume([8, 9, 11], Content::Random, 1);
-    assert!(matches!(Extraction::new().sums_in(&volume, &region), Err(ExtractError::Region { .. })));
+    assert!(matches!(
+        Extraction::new().sums_in(volume.as_voxels(), region.as_voxels()),
+        Err(ExtractError::RegionShape { volume: [8, 9, 10], region: [8, 9, 11] })
+    ));
     assert!(SlabExtractor::new([3, 2, 3]).is_err());
     let mut slabs = SlabExtractor::new([8, 9, 10]).unwrap();
     let ragged = slabs.push(&[0; 91]).unwrap_err();
-    assert_eq!(ragged, ExtractError::Slabs { shape: [8, 9, 10], expected: 180, found: 91 });
+    assert_eq!(ragged, ExtractError::Planes { shape: [8, 9, 10], expected: 180, found: 91 });
     slabs.push(&[0; 90]).unwrap();
     assert!(slabs.push(&[0; 720]).is_err());
-    assert_eq!(slabs.finish(), Err(ExtractError::Slabs { shape: [8, 9, 10], expected: 720, found: 90 }));
+    assert_eq!(slabs.finish(), Err(ExtractError::Planes { shape: [8, 9, 10], expected: 720, found: 90 }));
 }
 
 #[test]
 fn random_windows_are_the_same_everywhere() {
     let volume = volume([20, 30, 40], Content::Random, 7);
-    let sampled = |windows, seed| hlac::extract_sampled(&volume, windows, seed).unwrap();
+    let sampled = |windows, seed| hlac::extract_sampled(volume.as_voxels(), windows, seed).unwrap();
     let sums = sampled(1000, 42);
     assert_eq!(sums, sampled(1000, 42));
     assert_ne!(sums, sampled(1000, 43));
     assert_eq!(sums.windows, 1000);
-    let exact = hlac::extract(&volume).total().moments();
+    let exact = hlac::extract(volume.as_voxels()).total().moments();
     let there = 18 * 28 * 38;
     let most = sampled(there, 1).moments();
     assert!(exact.iter().zip(&most).all(|(a, b)| (a - b).abs() < 0.02));
-    let more = hlac::extract_sampled(&volume, there + 1, 1);
-    assert_eq!(more, Err(ExtractError::Windows { found: there + 1, there }), "all of them are exact and cheaper");
+    let more = hlac::extract_sampled(volume.as_voxels(), there + 1, 1);
+    assert_eq!(
+        more,
+        Err(ExtractError::TooManyWindows { requested: there + 1, available: there }),
+        "all of them are exact and cheaper"
+    );
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use assert_cmd::Command;
-use hlacdb::hlac::{self, Extraction, MASKS, SlabExtractor, Spacing};
+use hlacdb::hlac::{Extraction, MASKS, MaskSpacing, SlabExtractor, Voxels};
 use hlacdb::volume::{
     self, Endian, Intensity, RawLayout, ReadError, ReadOptions, SampleType, SlabReader, Source, Volume,
 };
@@ -32,7 +32,7 @@ fn gather(path: &Path, options: &ReadOptions, planes: usize) -> Result<Option<(V
         extractor.push(&slab.grey()).unwrap();
     }
     let volume = Volume::new(reader.shape(), reader.channels(), voxels).unwrap();
-    assert_eq!(extractor.finish().unwrap(), hlac::extract(&volume), "{}", path.display());
+    assert_eq!(extractor.finish().unwrap(), hlacdb::octant_sums(&volume), "{}", path.display());
     Ok(Some((volume, reader.source())))
 }
 
@@ -169,10 +169,11 @@ fn spacing_and_region_are_those_of_the_library() {
     fs::write(&mask, (0..4096).flat_map(|index| label(index).to_le_bytes()).collect::<Vec<u8>>()).unwrap();
     let region = Volume::from_fn([16; 3], |z, y, x| u8::from(label((z * 16 + y) * 16 + x) != 0)).unwrap();
     let labels = ["--region", text(&mask), "--raw-shape", "16,16,16", "--raw-type", "i32"];
-    for (spacing, word) in Spacing::ALL.into_iter().zip(["1", "2", "4"]) {
+    for (spacing, word) in MaskSpacing::ALL.into_iter().zip(["1", "2", "4"]) {
         let extraction = Extraction::new().spacing(spacing);
         let all = &extract(&[text(&path), "--spacing", word])[0];
-        let expected = extraction.sums(&volume).unwrap().total();
+        let voxels = Voxels::new(volume.voxels(), volume.shape()).unwrap();
+        let expected = extraction.sums(voxels).unwrap().total();
         assert_eq!(
             (numbers(&all["sums"]), all["windows"].as_u64()),
             (expected.values.to_vec(), Some(expected.windows))
@@ -181,7 +182,8 @@ fn spacing_and_region_are_those_of_the_library() {
         for memory in ["0", "1000000"] {
             let words = [&[text(&path), "--spacing", word, "--slab-memory", memory], &labels[..]].concat();
             let within = &extract(&words)[0];
-            let expected = extraction.sums_in(&volume, &region).unwrap().total();
+            let expected =
+                extraction.sums_in(voxels, Voxels::new(region.voxels(), region.shape()).unwrap()).unwrap().total();
             assert_eq!(numbers(&within["counts"]), expected.windows, "{word}");
             assert_eq!(numbers(&within["sums"]), expected.values, "{word}");
             for (moment, expected) in within["moments"].as_array().unwrap().iter().zip(expected.moments()) {
@@ -204,7 +206,7 @@ fn what_does_not_fit_is_told_in_a_sentence() {
     write_npy(&region, &stripes(15, 1));
     for memory in ["0", "1000000"] {
         let said = refused(1, &[text(&path), "--region", text(&region), "--slab-memory", memory]);
-        assert!(said.contains("a.npy: the region is 15 x 15 x 15 with 1 channel(s), but the volume is 16"), "{said}");
+        assert!(said.contains("a.npy: the region is 15 x 15 x 15 (Z, Y, X), but the volume is 16"), "{said}");
         let small = folder.path().join("small.npy");
         write_npy(&small, &stripes(8, 1));
         let said = refused(1, &[text(&small), "--spacing", "4", "--slab-memory", memory]);

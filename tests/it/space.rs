@@ -2,7 +2,7 @@
 
 use std::fs::File;
 
-use hlacdb::hlac::{self, MASK_COUNT, View};
+use hlacdb::hlac::{MASK_COUNT, View};
 use hlacdb::space::{Contribution, Definition, Features, Prior, Recipe, Space, Statistics};
 use hlacdb::synth::{self, Nuisance};
 use hlacdb::volume::Volume;
@@ -10,7 +10,7 @@ use hlacdb::volume::Volume;
 use crate::support::shared;
 
 fn features(recipe: &Recipe, volume: &Volume) -> Features {
-    let described = hlac::describe(volume, recipe.views());
+    let described = hlacdb::describe(volume, recipe.views());
     let moments: Vec<_> = described.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect();
     recipe.features(|view| moments.iter().find(|(other, _)| *other == view).map(|(_, moments)| moments)).unwrap()
 }

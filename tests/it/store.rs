@@ -8,7 +8,7 @@ mod model;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use hlacdb::hlac::{self, MASK_COUNT};
+use hlacdb::hlac::MASK_COUNT;
 use hlacdb::store::{
     CompressedVoxels, Damage, NewTexture, Progress, Reads, Record, Settings, Snapshot, Store, StoreError, ViewCode,
     Volumes, silent,
@@ -76,7 +76,7 @@ pub(crate) fn texture(seed: u64) -> NewTexture {
         name: format!("texture {seed}"),
         path: Some(format!("/data/\u{e9}{seed}.nrrd").into_bytes().into_iter().chain([0xFF]).collect()),
         voxels: Some(CompressedVoxels::new(&volume).unwrap()),
-        sums: Some(hlac::extract(&volume).total()),
+        sums: Some(hlacdb::octant_sums(&volume).total()),
         tags: [("family".to_owned(), format!("f{}", seed % 3)), ("seed".to_owned(), seed.to_string())].into(),
         descriptors: vec![(ViewCode(0), moments(seed)), (ViewCode(3), moments(seed + 1_000_000))],
         ..NewTexture::default()
@@ -105,7 +105,7 @@ fn what_goes_in_comes_out() {
     #[cfg(unix)]
     assert_eq!(hlacdb::store::path_bytes(&record.path().unwrap()), record.path.clone().unwrap());
     assert_eq!(state.voxels(2).unwrap().unwrap(), volume(2));
-    assert_eq!(state.sums(2).unwrap().unwrap(), hlac::extract(&volume(2)).total());
+    assert_eq!(state.sums(2).unwrap().unwrap(), hlacdb::octant_sums(&volume(2)).total());
     assert_eq!(state.descriptor(2, ViewCode(3)).unwrap().unwrap(), moments(1_000_002));
     assert_eq!(state.descriptor(2, ViewCode(9)).unwrap(), None);
     assert_eq!(state.find(&volume(2).content_hash()).unwrap(), Some(2));
@@ -130,7 +130,7 @@ fn a_deep_check_sees_every_volume_and_its_findings_are_reported() {
     transaction.commit().unwrap();
     let deep = |state: &Snapshot, record: &Record, seen: &Volume| {
         assert_eq!(seen, &volume(record.id));
-        let same = state.sums(record.id).unwrap().unwrap() == hlac::extract(seen).total() && record.id != 4;
+        let same = state.sums(record.id).unwrap().unwrap() == hlacdb::octant_sums(seen).total() && record.id != 4;
         let damage = Damage { table: "sums", key: format!("id {}", record.id), what: "other sums".into() };
         if same { Vec::new() } else { vec![damage] }
     };

@@ -1,13 +1,13 @@
 //! [`Extraction`]: the exact sums with options: spacing, a region, several threads.
 
-use super::OctantSums;
-use super::kernel::{self, Slab};
-use super::sums::RegionSums;
-use hlacdb_volume::{Shape, Volume};
+use crate::kernel::{self, Slab};
+use crate::voxels::{Shape, check_shape};
+use crate::{ExtractError, OctantSums, RegionSlabExtractor, RegionSums, SlabExtractor, Voxels};
 
 /// How far apart the cells of a window are, in voxels: the window is a cube of 3, 5 or 9 voxels a side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Spacing {
+#[non_exhaustive]
+pub enum MaskSpacing {
     /// Neighbouring voxels: the paper's windows.
     #[default]
     One,
@@ -17,8 +17,8 @@ pub enum Spacing {
     Four,
 }
 
-impl Spacing {
-    /// All of them, ascending.
+impl MaskSpacing {
+    /// All spacings, ascending.
     pub const ALL: [Self; 3] = [Self::One, Self::Two, Self::Four];
 
     /// 1, 2 or 4.
@@ -30,46 +30,30 @@ impl Spacing {
         }
     }
 
-    /// How many windows a volume of this shape has; 0 where none fits.
-    pub fn windows(self, shape: Shape) -> u64 {
-        shape.iter().map(|&side| side.saturating_sub(2 * self.voxels()) as u64).product()
-    }
-
-    /// That a window fits.
-    pub(super) fn check(self, shape: Shape) -> Result<(), ExtractError> {
-        let needed = 2 * self.voxels() + 1;
-        if shape.iter().any(|&side| side < needed) {
-            return Err(ExtractError::TooSmall { shape, spacing: self.voxels(), needed });
-        }
-        Ok(())
+    /// The number of windows of a volume of `shape` (Z, Y, X): `(Z-2s)(Y-2s)(X-2s)` for a spacing of `s`, 0 where none
+    /// fits. Saturates.
+    pub fn windows(self, shape: [usize; 3]) -> u64 {
+        let sides = shape.map(|side| side.saturating_sub(2 * self.voxels()) as u64);
+        sides.iter().fold(1, |windows: u64, &side| windows.saturating_mul(side))
     }
 }
 
-/// Who works on one volume.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Workers {
-    /// The calling thread alone: right when there are more volumes than cores.
-    #[default]
-    One,
-    /// The threads of the current rayon pool, slab by slab: right for few or large volumes.
-    Pool,
-}
-
-/// The exact sums with options; [`super::extract`] is this with none.
+/// Options for the exact sums; [`extract`](crate::extract) uses the defaults: spacing 1, on the calling thread.
 ///
 /// ```
-/// use hlac::{Extraction, Spacing};
-/// use hlacdb_volume::Volume;
-/// let volume = Volume::from_fn([8, 8, 8], |z, y, x| (z * y * x) as u8)?;
-/// let sums = Extraction::new().spacing(Spacing::Two).sums(&volume)?.total();
+/// use hlac::{Extraction, MaskSpacing, Voxels};
+///
+/// let slice: Vec<u8> = (0..8 * 8 * 8).map(|i| i as u8).collect();
+/// let voxels = Voxels::new(&slice, [8, 8, 8])?;
+/// let sums = Extraction::new().spacing(MaskSpacing::Two).sums(voxels)?.total();
 /// assert_eq!(sums.windows, 4 * 4 * 4);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// # Ok::<(), hlac::ExtractError>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[must_use]
 pub struct Extraction {
-    spacing: Spacing,
-    workers: Workers,
+    spacing: MaskSpacing,
+    parallel: bool,
 }
 
 impl Extraction {
@@ -78,53 +62,79 @@ impl Extraction {
         Self::default()
     }
 
-    /// Sets how far apart the cells of a window are. There are then (Z-2s)(Y-2s)(X-2s) windows.
-    pub fn spacing(self, spacing: Spacing) -> Self {
+    /// Sets how far apart the cells of a window are.
+    pub fn spacing(self, spacing: MaskSpacing) -> Self {
         Self { spacing, ..self }
     }
 
-    /// Sets who works.
-    pub fn workers(self, workers: Workers) -> Self {
-        Self { workers, ..self }
+    /// Sets whether the threads of the current rayon pool share each volume (or each slab).
+    ///
+    /// This suits few or large volumes. With more volumes than cores, one thread per volume is faster.
+    pub fn parallel(self, parallel: bool) -> Self {
+        Self { parallel, ..self }
     }
 
-    /// The octant sums of a volume (of its luma, where it has colour).
+    /// The octant sums of a volume.
     ///
     /// # Errors
-    /// [`ExtractError::TooSmall`] where no window of this spacing fits.
-    pub fn sums(&self, volume: &Volume) -> Result<OctantSums, ExtractError> {
-        self.spacing.check(volume.shape())?;
-        let grey = volume.luma();
-        Ok(self.run(grey.shape(), grey.voxels()))
+    /// [`ExtractError::TooSmall`] if no window of this spacing fits.
+    pub fn sums(&self, voxels: Voxels<'_>) -> Result<OctantSums, ExtractError> {
+        check_shape(voxels.shape(), self.spacing)?;
+        Ok(self.run(voxels.shape(), voxels.as_slice()))
     }
 
     /// The octant sums of the part of a volume that lies in a region.
     ///
-    /// `region` is a grey volume of the same shape; its voxels that are not 0 are the region. A window counts for a mask
-    /// when all of the mask's cells lie in the region, so every mask has its own number of windows.
+    /// The voxels of `region` that are not 0 are the region. A window counts for a mask if all of the mask's cells lie in
+    /// the region, so every mask has its own number of windows.
     ///
     /// # Errors
-    /// [`ExtractError::TooSmall`], [`ExtractError::Region`].
-    pub fn sums_in(&self, volume: &Volume, region: &Volume) -> Result<RegionSums, ExtractError> {
-        self.spacing.check(volume.shape())?;
-        if region.shape() != volume.shape() || region.channels() != 1 {
-            return Err(ExtractError::Region {
-                volume: volume.shape(),
-                region: region.shape(),
-                channels: region.channels(),
-            });
+    /// - [`ExtractError::TooSmall`] if no window of this spacing fits.
+    /// - [`ExtractError::RegionShape`] if the region has another shape than the volume.
+    pub fn sums_in(&self, voxels: Voxels<'_>, region: Voxels<'_>) -> Result<RegionSums, ExtractError> {
+        let shape = voxels.shape();
+        check_shape(shape, self.spacing)?;
+        if region.shape() != shape {
+            return Err(ExtractError::RegionShape { volume: shape, region: region.shape() });
         }
-        let grey = volume.luma();
-        let (masked, inside) = within(grey.voxels(), region.voxels());
-        Ok(RegionSums::of(&self.run(grey.shape(), &masked), &self.run(grey.shape(), &inside)))
+        let (masked, inside) = within(voxels.as_slice(), region.as_slice());
+        Ok(RegionSums::of(&self.run(shape, &masked), &self.run(shape, &inside)))
+    }
+
+    /// Takes a volume of `shape` (Z, Y, X) plane by plane.
+    ///
+    /// # Errors
+    /// - [`ExtractError::TooSmall`] if no window of this spacing fits.
+    /// - [`ExtractError::TooLarge`] if the number of voxels or windows is too large.
+    pub fn slabs(&self, shape: [usize; 3]) -> Result<SlabExtractor, ExtractError> {
+        SlabExtractor::with_options(shape, *self)
+    }
+
+    /// Takes a volume of `shape` (Z, Y, X) and a region plane by plane.
+    ///
+    /// # Errors
+    /// As for [`slabs`](Self::slabs).
+    pub fn region_slabs(&self, shape: [usize; 3]) -> Result<RegionSlabExtractor, ExtractError> {
+        RegionSlabExtractor::with_options(shape, *self)
+    }
+
+    /// The spacing in voxels.
+    pub(crate) fn spacing_voxels(&self) -> usize {
+        self.spacing.voxels()
+    }
+
+    /// Checks that a volume has windows of this spacing.
+    pub(crate) fn check(&self, shape: Shape) -> Result<usize, ExtractError> {
+        check_shape(shape, self.spacing)
     }
 
     fn run(&self, shape: Shape, voxels: &[u8]) -> OctantSums {
-        let slab = Slab::whole(shape, self.spacing.voxels(), voxels);
-        match self.workers {
-            Workers::One => kernel::sums(&slab),
-            Workers::Pool => kernel::sums_in_pool(&slab),
-        }
+        self.slab_sums(&Slab::whole(shape, self.spacing.voxels(), voxels))
+    }
+
+    /// What a slab adds to the octant sums of its volume.
+    pub(crate) fn slab_sums(&self, slab: &Slab<'_>) -> OctantSums {
+        if self.parallel { kernel::sums_in_pool(slab) } else { kernel::sums(slab) }
     }
 }
 
@@ -132,59 +142,7 @@ impl Extraction {
 ///
 /// A product with a cell outside is 0, so the sums within the region are those of the first; and the windows that count
 /// are the sums of the second, with 1 for 255.
-pub(super) fn within(voxels: &[u8], region: &[u8]) -> (Vec<u8>, Vec<u8>) {
+pub(crate) fn within(voxels: &[u8], region: &[u8]) -> (Vec<u8>, Vec<u8>) {
     let inside: Vec<u8> = region.iter().map(|&voxel| if voxel == 0 { 0 } else { 255 }).collect();
     (voxels.iter().zip(&inside).map(|(voxel, inside)| voxel & inside).collect(), inside)
-}
-
-/// Why there are no sums.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ExtractError {
-    /// No window of this spacing fits the volume.
-    #[error(
-        "the volume is {} x {} x {} (Z, Y, X), but windows of spacing {spacing} need {needed} voxels on every side: take a smaller spacing",
-        shape[0], shape[1], shape[2]
-    )]
-    TooSmall {
-        /// The volume's shape.
-        shape: Shape,
-        /// The spacing that was asked for.
-        spacing: usize,
-        /// The shortest side that would do.
-        needed: usize,
-    },
-    /// The region is no mask of the volume.
-    #[error(
-        "the region is {} x {} x {} with {channels} channel(s), but the volume is {} x {} x {}: a region is a grey volume of the same shape",
-        region[0], region[1], region[2], volume[0], volume[1], volume[2]
-    )]
-    Region {
-        /// The volume's shape.
-        volume: Shape,
-        /// The region's shape.
-        region: Shape,
-        /// The region's channels.
-        channels: usize,
-    },
-    /// More random windows were asked for than there are.
-    #[error(
-        "{found} random windows were asked for, but the volume has {there}: take fewer, or all of them, which is exact and cheaper"
-    )]
-    Windows {
-        /// How many were asked for.
-        found: u64,
-        /// How many the volume has.
-        there: u64,
-    },
-    /// Slabs were given that do not make up the volume.
-    #[error("{found} voxels were given in slabs, but a volume of {} x {} x {} has {expected}: give every Z-plane once, in order, whole", shape[0], shape[1], shape[2])]
-    Slabs {
-        /// The volume's shape.
-        shape: Shape,
-        /// The voxels that the shape needs, or the next whole plane would end at.
-        expected: u64,
-        /// The voxels that came.
-        found: u64,
-    },
 }

@@ -11,9 +11,7 @@
 //! It is a named variant; everything else in this program uses the product, the standard definition of HLAC. Its
 //! moments would be `hit-sum / (windows * 255 * cells)`, which is why it is not a [`super::Sums`].
 
-use super::MASKS;
-use super::masks::MASK_COUNT;
-use hlacdb_volume::Volume;
+use crate::{MASK_COUNT, MASKS, Voxels};
 
 /// 251 exact hit-sums.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,10 +37,9 @@ impl HitSums {
     }
 }
 
-/// The hit-sums of a volume (of its luma, where it has colour).
-pub fn extract_hit_sum(volume: &Volume) -> HitSums {
-    let grey = volume.luma();
-    let (shape, voxels) = (grey.shape(), grey.voxels());
+/// The hit-sums of a volume.
+pub fn extract_hit_sum(volume: Voxels<'_>) -> HitSums {
+    let (shape, voxels) = (volume.shape(), volume.as_slice());
     let windows = shape.map(|side| side - 2);
     let mut sums = HitSums {
         windows: windows.iter().map(|&n| n as u64).product(),
@@ -101,7 +98,7 @@ mod tests {
         // One window; only cells a, k and l are occupied.
         let mut voxels = vec![0; 27];
         (voxels[0], voxels[10], voxels[11]) = (255, 255, 7);
-        let sums = extract_hit_sum(&Volume::new([3, 3, 3], 1, voxels).unwrap());
+        let sums = extract_hit_sum(Voxels::new(&voxels, [3, 3, 3]).unwrap());
         for (index, mask) in MASKS.iter().enumerate() {
             let expected = match mask.letters().as_str() {
                 "a" => (1, 255),
@@ -115,7 +112,7 @@ mod tests {
 
     #[test]
     fn long_rows_of_255_do_not_overflow() {
-        let sums = extract_hit_sum(&Volume::new([3, 4, 300], 1, vec![255; 3600]).unwrap());
+        let sums = extract_hit_sum(Voxels::new(&[255; 3600], [3, 4, 300]).unwrap());
         assert_eq!((sums.windows, sums.hits[250], sums.values[250]), (596, 596, 596 * 765));
     }
 }

@@ -7,10 +7,8 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-use super::Sums;
-use super::extraction::{ExtractError, Spacing};
-use super::kernel::windows::{self, Cells, WINDOWS};
-use hlacdb_volume::Volume;
+use crate::kernel::windows::{self, Cells, WINDOWS};
+use crate::{ExtractError, MaskSpacing, Sums, Voxels};
 
 /// The sums over `windows` windows drawn independently and uniformly (so some may come twice), by ChaCha8 from `seed`.
 ///
@@ -18,14 +16,14 @@ use hlacdb_volume::Volume;
 /// `(draw * n) >> 64` of a 64-bit draw and the `n` windows along the axis. `windows == 0` gives [`Sums::ZERO`].
 ///
 /// # Errors
-/// [`ExtractError::Windows`] where more are asked for than the volume has: all of them are cheaper and exact.
-pub fn extract_sampled(volume: &Volume, windows: u64, seed: u64) -> Result<Sums, ExtractError> {
-    let there = Spacing::One.windows(volume.shape());
-    if windows > there {
-        return Err(ExtractError::Windows { found: windows, there });
+/// [`ExtractError::TooManyWindows`] if `windows` exceeds the number of windows of the volume: summing them all is cheaper
+/// and exact.
+pub fn extract_sampled(volume: Voxels<'_>, windows: u64, seed: u64) -> Result<Sums, ExtractError> {
+    let available = MaskSpacing::One.windows(volume.shape());
+    if windows > available {
+        return Err(ExtractError::TooManyWindows { requested: windows, available });
     }
-    let grey = volume.luma();
-    let (shape, voxels) = (grey.shape(), grey.voxels());
+    let (shape, voxels) = (volume.shape(), volume.as_slice());
     let strides = [shape[1] * shape[2], shape[2], 1];
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut sums = Sums { windows, ..Sums::ZERO };

@@ -1,32 +1,31 @@
-//! [`SlabExtractor`] and [`RegionSlabExtractor`]: the sums of a volume that does not fit the memory.
+//! [`SlabExtractor`] and [`RegionSlabExtractor`]: the sums of a volume that does not fit in memory.
 
-use super::OctantSums;
-use super::extraction::{ExtractError, Spacing, Workers, within};
-use super::kernel::{self, Slab};
-use super::sums::RegionSums;
-use hlacdb_volume::Shape;
+use crate::extraction::within;
+use crate::kernel::Slab;
+use crate::voxels::Shape;
+use crate::{ExtractError, Extraction, OctantSums, RegionSums};
 
-/// Takes a grey volume's Z-planes in order and gives its octant sums, the same bits as [`super::extract`] of the whole.
+/// Takes a grey volume's Z-planes in order and gives its octant sums, the same bits as [`extract`](crate::extract) of the
+/// whole.
 ///
-/// The last planes that later windows need (two, times the spacing) are kept between calls, beside the planes of the
-/// call itself.
+/// Between calls it holds the last planes that later windows need: at most two, times the spacing. [`Extraction::slabs`]
+/// makes one with options.
 ///
 /// ```
-/// use hlac::{self, SlabExtractor};
-/// use hlacdb_volume::Volume;
-/// let volume = Volume::from_fn([9, 5, 5], |z, y, x| (z * y * x) as u8)?;
-/// let mut slabs = SlabExtractor::new(volume.shape())?;
-/// for planes in volume.voxels().chunks(4 * 5 * 5) {
+/// use hlac::{SlabExtractor, Voxels};
+///
+/// let volume: Vec<u8> = (0..9 * 5 * 5).map(|i| i as u8).collect();
+/// let mut slabs = SlabExtractor::new([9, 5, 5])?;
+/// for planes in volume.chunks(4 * 5 * 5) {
 ///     slabs.push(planes)?;
 /// }
-/// assert_eq!(slabs.finish()?, hlac::extract(&volume));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// assert_eq!(slabs.finish()?, hlac::extract(Voxels::new(&volume, [9, 5, 5])?));
+/// # Ok::<(), hlac::ExtractError>(())
 /// ```
 #[derive(Debug)]
 pub struct SlabExtractor {
     shape: Shape,
-    spacing: usize,
-    workers: Workers,
+    options: Extraction,
     /// The planes that later windows still need (at most two, times the spacing), then the new ones.
     planes: Vec<u8>,
     /// The Z of the first plane in `planes`.
@@ -38,31 +37,21 @@ impl SlabExtractor {
     /// For a grey volume of `shape` (Z, Y, X) at spacing 1, on the calling thread.
     ///
     /// # Errors
-    /// [`ExtractError::TooSmall`] where a side is under 3.
-    pub fn new(shape: Shape) -> Result<Self, ExtractError> {
-        Self::spaced(shape, Spacing::One)
+    /// - [`ExtractError::TooSmall`] if a side is under 3.
+    /// - [`ExtractError::TooLarge`] if the number of voxels or windows is too large.
+    pub fn new(shape: [usize; 3]) -> Result<Self, ExtractError> {
+        Self::with_options(shape, Extraction::new())
     }
 
-    /// As [`new`](Self::new), with windows whose cells are `spacing` apart.
-    ///
-    /// # Errors
-    /// [`ExtractError::TooSmall`] where no such window fits.
-    pub fn spaced(shape: Shape, spacing: Spacing) -> Result<Self, ExtractError> {
-        spacing.check(shape)?;
-        let (spacing, workers) = (spacing.voxels(), Workers::One);
-        Ok(Self { shape, spacing, workers, planes: Vec::new(), first: 0, octants: OctantSums::zero() })
-    }
-
-    /// Sets who works on the planes of each [`push`](Self::push).
-    #[must_use]
-    pub fn workers(self, workers: Workers) -> Self {
-        Self { workers, ..self }
+    pub(crate) fn with_options(shape: Shape, options: Extraction) -> Result<Self, ExtractError> {
+        options.check(shape)?;
+        Ok(Self { shape, options, planes: Vec::new(), first: 0, octants: OctantSums::zero() })
     }
 
     /// Takes the next planes: one or more whole ones, X fastest.
     ///
     /// # Errors
-    /// [`ExtractError::Slabs`] where the planes are not whole or go past the volume's end; nothing is taken then.
+    /// [`ExtractError::Planes`] if the planes are not whole or go past the volume's end; the extractor is unchanged then.
     pub fn push(&mut self, planes: &[u8]) -> Result<(), ExtractError> {
         let plane = self.shape[1] * self.shape[2];
         let before = self.first * plane + self.planes.len();
@@ -70,18 +59,15 @@ impl SlabExtractor {
         let whole = self.shape[0] * plane;
         if !planes.len().is_multiple_of(plane) || after > whole {
             let expected = after.next_multiple_of(plane).min(whole);
-            return Err(ExtractError::Slabs { shape: self.shape, expected: expected as u64, found: after as u64 });
+            return Err(ExtractError::Planes { shape: self.shape, expected: expected as u64, found: after as u64 });
         }
         self.planes.extend_from_slice(planes);
-        let windows = (self.planes.len() / plane).saturating_sub(2 * self.spacing);
+        let spacing = self.options.spacing_voxels();
+        let windows = (self.planes.len() / plane).saturating_sub(2 * spacing);
         if windows > 0 {
             let windows = self.first..self.first + windows;
-            let slab =
-                Slab { shape: self.shape, spacing: self.spacing, windows: windows.clone(), voxels: &self.planes };
-            self.octants += &match self.workers {
-                Workers::One => kernel::sums(&slab),
-                Workers::Pool => kernel::sums_in_pool(&slab),
-            };
+            let slab = Slab { shape: self.shape, spacing, windows: windows.clone(), voxels: &self.planes };
+            self.octants += &self.options.slab_sums(&slab);
             self.planes.drain(..windows.len() * plane);
             self.first = windows.end;
         }
@@ -91,20 +77,20 @@ impl SlabExtractor {
     /// The octant sums of the whole volume.
     ///
     /// # Errors
-    /// [`ExtractError::Slabs`] where planes are missing.
+    /// [`ExtractError::Planes`] if planes are missing.
     pub fn finish(self) -> Result<OctantSums, ExtractError> {
         let plane = self.shape[1] * self.shape[2];
         let found = self.first * plane + self.planes.len();
         let expected = self.shape[0] * plane;
         if found != expected {
-            return Err(ExtractError::Slabs { shape: self.shape, expected: expected as u64, found: found as u64 });
+            return Err(ExtractError::Planes { shape: self.shape, expected: expected as u64, found: found as u64 });
         }
         Ok(self.octants)
     }
 }
 
-/// As [`SlabExtractor`], of the part of a volume that lies in a region; the same bits as
-/// [`Extraction::sums_in`](super::Extraction::sums_in) of the whole.
+/// As [`SlabExtractor`], for the part of a volume that lies in a region; the same bits as [`Extraction::sums_in`] of the
+/// whole. [`Extraction::region_slabs`] makes one with options.
 #[derive(Debug)]
 pub struct RegionSlabExtractor {
     values: SlabExtractor,
@@ -112,28 +98,27 @@ pub struct RegionSlabExtractor {
 }
 
 impl RegionSlabExtractor {
-    /// For a grey volume of `shape` (Z, Y, X) and windows whose cells are `spacing` apart, on the calling thread.
+    /// For a grey volume of `shape` (Z, Y, X) at spacing 1, on the calling thread.
     ///
     /// # Errors
-    /// [`ExtractError::TooSmall`] where no such window fits.
-    pub fn spaced(shape: Shape, spacing: Spacing) -> Result<Self, ExtractError> {
-        Ok(Self { values: SlabExtractor::spaced(shape, spacing)?, inside: SlabExtractor::spaced(shape, spacing)? })
+    /// As for [`SlabExtractor::new`].
+    pub fn new(shape: [usize; 3]) -> Result<Self, ExtractError> {
+        Self::with_options(shape, Extraction::new())
     }
 
-    /// Sets who works on the planes of each [`push`](Self::push).
-    #[must_use]
-    pub fn workers(self, workers: Workers) -> Self {
-        Self { values: self.values.workers(workers), inside: self.inside.workers(workers) }
+    pub(crate) fn with_options(shape: Shape, options: Extraction) -> Result<Self, ExtractError> {
+        let extractor = || SlabExtractor::with_options(shape, options);
+        Ok(Self { values: extractor()?, inside: extractor()? })
     }
 
     /// Takes the next planes of the volume and of the region, whose voxels that are not 0 are inside.
     ///
     /// # Errors
-    /// [`ExtractError::Slabs`] where the planes are not whole, go past the volume's end, or are not as many of both.
+    /// [`ExtractError::Planes`] if the planes are not whole, go past the volume's end, or differ in length.
     pub fn push(&mut self, planes: &[u8], region: &[u8]) -> Result<(), ExtractError> {
         if planes.len() != region.len() {
             let (expected, found) = (planes.len() as u64, region.len() as u64);
-            return Err(ExtractError::Slabs { shape: self.values.shape, expected, found });
+            return Err(ExtractError::Planes { shape: self.values.shape, expected, found });
         }
         let (masked, inside) = within(planes, region);
         self.values.push(&masked)?;
@@ -143,7 +128,7 @@ impl RegionSlabExtractor {
     /// The sums within the region.
     ///
     /// # Errors
-    /// [`ExtractError::Slabs`] where planes are missing.
+    /// [`ExtractError::Planes`] if planes are missing.
     pub fn finish(self) -> Result<RegionSums, ExtractError> {
         Ok(RegionSums::of(&self.values.finish()?, &self.inside.finish()?))
     }

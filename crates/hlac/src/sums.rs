@@ -4,7 +4,7 @@ use std::iter::Sum;
 use std::ops::AddAssign;
 
 use super::masks::{MASK_COUNT, MASKS};
-use hlacdb_volume::Shape;
+use crate::voxels::Shape;
 
 /// 251 exact sums and the number of windows they run over.
 ///
@@ -122,7 +122,7 @@ pub struct RegionSums(pub Box<[MaskedSums; 8]>);
 
 impl RegionSums {
     /// Out of the sums of the voxels with everything outside set to 0, and those of the region as 0 and 255.
-    pub(super) fn of(values: &OctantSums, inside: &OctantSums) -> Self {
+    pub(crate) fn of(values: &OctantSums, inside: &OctantSums) -> Self {
         Self(Box::new(std::array::from_fn(|octant| {
             let mut windows = inside.0[octant].values;
             for (count, mask) in windows.iter_mut().zip(&MASKS) {

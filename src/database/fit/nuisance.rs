@@ -5,7 +5,6 @@ use rayon::prelude::*;
 
 use crate::database::scheme::Scheme;
 use crate::error::Error;
-use crate::hlac;
 use crate::progress::Progress;
 use crate::space::{Contribution, Kind, Nuisance as Scatter, Recipe};
 use crate::store::{Reads, Transaction};
@@ -119,7 +118,7 @@ fn family(
     views.sort_unstable();
     views.dedup();
     let parts = |volume: &Volume| -> Result<Vec<Contribution>, Error> {
-        let described = hlac::describe(volume, &views);
+        let described = crate::describe(volume, &views);
         let parts = recipes.iter().filter_map(|recipe| Contribution::of_sums(recipe, &described).transpose());
         Ok(parts.collect::<Result<_, _>>()?)
     };

@@ -8,7 +8,7 @@ use crate::database::points::contributions::{contributions, contributions_of_mom
 use crate::database::points::statistics_cache::StatisticsCache;
 use crate::database::scheme::Scheme;
 use crate::error::Error;
-use crate::hlac::{self, MASK_COUNT, Sums, View};
+use crate::hlac::{MASK_COUNT, Sums, View};
 use crate::progress::Progress;
 use crate::space::{Contribution, Statistics};
 use crate::store::{Reads, StoreError, Transaction, ViewCode};
@@ -40,7 +40,7 @@ struct Recomputed {
 
 impl Recomputed {
     fn of(volume: &Volume, views: &Scheme) -> Result<Self, Error> {
-        let texture = hlac::describe(volume, &with_full(views.views()));
+        let texture = crate::describe(volume, &with_full(views.views()));
         let total = |view: &View| texture.iter().find(|(v, _)| v == view).map(|(_, octants)| octants.total());
         let moments = views
             .views()

@@ -6,7 +6,7 @@ use crate::database::handle::Database;
 use crate::database::points::descriptors::known_moments;
 use crate::database::scheme::{DEFAULT_SPACE, Scheme};
 use crate::error::Error;
-use crate::hlac::{self, MASK_COUNT, View};
+use crate::hlac::{MASK_COUNT, View};
 use crate::space::{Explanation, Features, Space};
 use crate::store::Reads;
 use crate::volume::Volume;
@@ -50,7 +50,7 @@ impl Database {
     /// [`Error::Store`].
     pub fn describe(&self, volume: &Volume) -> Result<Vec<(View, [f32; MASK_COUNT])>, Error> {
         let scheme = Scheme::of(&self.store().read()?);
-        let described = hlac::describe(volume, scheme.views());
+        let described = crate::describe(volume, scheme.views());
         Ok(described.iter().map(|(view, octants)| (*view, octants.total().descriptor())).collect())
     }
 }

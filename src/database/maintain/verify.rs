@@ -12,7 +12,7 @@ use crate::database::points::{spaces, statistics_cache};
 use crate::database::quarantine;
 use crate::database::scheme::{DEFAULT_SPACE, Scheme};
 use crate::error::Error;
-use crate::hlac::{self, View};
+use crate::hlac::View;
 use crate::progress::Progress;
 use crate::store::{self, Damage, Reads, Record, Snapshot, StoreError, ViewCode};
 use crate::volume::Volume;
@@ -168,7 +168,7 @@ fn describe_again(snapshot: &Snapshot, record: &Record, volume: &Volume) -> Vec<
     let wrong = |table, what: String| Damage { table, key: key.clone(), what };
     let views = Scheme::of(snapshot);
     let mut damage = Vec::new();
-    for (view, octants) in hlac::describe(volume, &with_full(views.views())) {
+    for (view, octants) in crate::describe(volume, &with_full(views.views())) {
         let total = octants.total();
         if view == View::Full && snapshot.sums(id).is_ok_and(|kept| kept.is_some_and(|kept| kept != total)) {
             damage.push(wrong("sums", "the sums are not those of the voxels".into()));

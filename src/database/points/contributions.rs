@@ -3,7 +3,7 @@
 use super::descriptors::moments;
 use crate::database::scheme::Scheme;
 use crate::error::Error;
-use crate::hlac::{self, OctantSums, View};
+use crate::hlac::{OctantSums, View};
 use crate::space::{Contribution, Recipe};
 use crate::store::{DESCRIPTOR_ROWS, NewTexture, Reads, StoreError};
 
@@ -26,7 +26,7 @@ pub(crate) fn with_full(views: &[View]) -> Vec<View> {
 /// What a texture adds to the statistics: described anew from its voxels, or, where they are not kept, by its moments.
 pub(crate) fn contributions_of(state: &impl Reads, id: u64, views: &Scheme) -> Result<Vec<Contribution>, Error> {
     match state.voxels(id) {
-        Ok(Some(volume)) => contributions(&hlac::describe(&volume, &with_full(views.views())), views),
+        Ok(Some(volume)) => contributions(&crate::describe(&volume, &with_full(views.views())), views),
         Ok(None) => contributions_of_moments(state, id, views),
         // Damaged voxels do not stop a texture from being removed.
         Err(StoreError::Damage(_)) => contributions_of_moments(state, id, views),

@@ -14,7 +14,7 @@ use crate::database::points::descriptors::known_moments;
 use crate::database::quarantine::left_out;
 use crate::database::scheme::DEFAULT_SPACE;
 use crate::error::Error;
-use crate::hlac::{self, MASK_COUNT, View};
+use crate::hlac::{MASK_COUNT, View};
 use crate::index::{Allowed, Neighbour, Question};
 use crate::space::Space;
 use crate::store::{Reads, Snapshot, StoreError};
@@ -226,7 +226,7 @@ impl<'a> Execution<'a> {
                 Ok((self.map(&moments, || format!("texture {id}"))?, Some(*id)))
             }
             Example::Volume(volume) => {
-                let described = hlac::describe(volume, self.space().recipe().views());
+                let described = crate::describe(volume, self.space().recipe().views());
                 let moments: Vec<_> =
                     described.iter().map(|(view, octants)| (*view, octants.total().descriptor())).collect();
                 let own = if query.exclude_self { self.snapshot.find(&volume.content_hash())? } else { None };

@@ -5,7 +5,7 @@ use crate::database::points::contributions::{contributions, with_full};
 use crate::database::scheme::Scheme;
 use crate::database::texture::Meta;
 use crate::error::Error;
-use crate::hlac::{self, MASK_COUNT, View};
+use crate::hlac::{MASK_COUNT, View};
 use crate::space::Contribution;
 use crate::store::{CompressedVoxels, Content, NewTexture, Reads, ViewCode, Volumes};
 use crate::volume::Volume;
@@ -60,7 +60,7 @@ impl Database {
 impl Prepared {
     /// With everything that a transaction needs.
     pub(crate) fn described(mut self, volume: &Volume, volumes: Volumes, views: &Scheme) -> Result<Self, Error> {
-        let described = hlac::describe(volume, &with_full(views.views()));
+        let described = crate::describe(volume, &with_full(views.views()));
         let total = |view: &View| described.iter().find(|(other, _)| other == view).map(|(_, octants)| octants.total());
         self.texture.sums = total(&View::Full);
         self.texture.descriptors =

@@ -158,7 +158,6 @@ fn without_octants_only_the_features_come_and_go() {
 fn a_side_of_three_voxels_has_no_octants() {
     let volume = crate::volume::Volume::from_fn([3, 8, 8], |z, y, x| (z * y * x) as u8).unwrap();
     let recipe = Recipe::oriented();
-    let contribution =
-        Contribution::of_sums(&recipe, &crate::hlac::describe(&volume, recipe.views())).unwrap().unwrap();
+    let contribution = Contribution::of_sums(&recipe, &crate::describe(&volume, recipe.views())).unwrap().unwrap();
     assert!(contribution.octants.is_none());
 }

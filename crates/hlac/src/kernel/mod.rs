@@ -33,7 +33,7 @@ use std::sync::OnceLock;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::OctantSums;
-use hlacdb_volume::Shape;
+use crate::voxels::Shape;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

@@ -1,8 +1,8 @@
 //! The reference: as plain as the definition.
 
 use super::Slab;
+use crate::voxels::Shape;
 use crate::{MASKS, OctantSums};
-use hlacdb_volume::Shape;
 
 /// The octant sums of a grey volume of `shape` (every side at least 3), window by window.
 pub fn octants(shape: Shape, voxels: &[u8]) -> OctantSums {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use hlacdb_volume::Shape;
+use crate::voxels::Shape;
 
 /// Some successive window planes of a volume, and the voxels that they touch.
 ///

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use hlacdb_volume::Shape;
+use crate::voxels::Shape;
 
 /// How many voxels have each level.
 fn histogram(voxels: &[u8]) -> [u64; 256] {

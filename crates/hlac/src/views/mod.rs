@@ -28,8 +28,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use self::maps::Contrast;
-use super::{OctantSums, kernel};
-use hlacdb_volume::{Shape, Volume};
+use crate::{OctantSums, VoxelBuf, Voxels, kernel};
 
 /// The shortest side that a block average may leave: four voxels give every octant a window.
 pub const MIN_SCALED_SIDE: usize = 4;
@@ -60,7 +59,7 @@ impl Scale {
 
     /// The shape that block averages leave of `shape`; `None` where a side would have fewer than
     /// [`MIN_SCALED_SIDE`] voxels (never at scale 1).
-    pub fn of(self, shape: Shape) -> Option<Shape> {
+    pub fn of(self, shape: [usize; 3]) -> Option<[usize; 3]> {
         let scaled = shape.map(|side| side / self.side());
         (self == Self::One || scaled.iter().all(|&side| side >= MIN_SCALED_SIDE)).then_some(scaled)
     }
@@ -164,8 +163,33 @@ impl View {
     }
 
     /// The shape of the view of a volume of `shape`; `None` where the volume is too small for the scale.
-    pub fn shape_of(self, shape: Shape) -> Option<Shape> {
+    pub fn shape_of(self, shape: [usize; 3]) -> Option<[usize; 3]> {
         self.scale().of(shape)
+    }
+
+    /// The mapped copy of a volume; `None` if the volume is too small for the view's scale.
+    ///
+    /// ```
+    /// use hlac::{View, Voxels};
+    ///
+    /// let slice: Vec<u8> = (0..512).map(|i| (i / 64 + i / 8 % 8 + i % 8) as u8).collect();
+    /// let voxels = Voxels::new(&slice, [8, 8, 8])?;
+    /// let view = "stretch@2".parse::<View>()?.apply(voxels).ok_or("too small")?;
+    /// assert_eq!((view.shape(), view.as_voxels().as_slice()[0]), ([4, 4, 4], 2));
+    /// assert!("stretch@4".parse::<View>()?.apply(voxels).is_none());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn apply(self, volume: Voxels<'_>) -> Option<VoxelBuf> {
+        let mut copies = Copies::new(volume);
+        let shape = self.shape_of(volume.shape())?;
+        let voxels = match self {
+            Self::Full => volume.as_slice().to_vec(),
+            Self::Stretch(scale) => copies.stretch(scale)?.to_vec(),
+            Self::Sign(scale) => copies.contrast(scale)?.signs(),
+            Self::Detail => copies.contrast(Scale::One)?.detail(),
+            Self::Rank(scale) => copies.rank(scale)?,
+        };
+        VoxelBuf::new(voxels, shape).ok()
     }
 }
 
@@ -208,32 +232,6 @@ impl TryFrom<String> for View {
     }
 }
 
-/// The mapped copy of a volume (of its luma, where it has colour); `None` where the volume is too small for the
-/// view's scale.
-///
-/// ```
-/// use hlac::{View, views};
-/// use hlacdb_volume::Volume;
-/// let volume = Volume::from_fn([8, 8, 8], |z, y, x| (z + y + x) as u8)?;
-/// let view = views::render(&volume, "stretch@2".parse()?).ok_or("too small")?;
-/// assert_eq!((view.shape(), view.voxels()[0]), ([4, 4, 4], 2));
-/// assert!(views::render(&volume, "stretch@4".parse()?).is_none());
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-pub fn render(volume: &Volume, view: View) -> Option<Volume> {
-    let grey = volume.luma();
-    let mut copies = Copies::new(&grey);
-    let shape = view.shape_of(grey.shape())?;
-    let voxels = match view {
-        View::Full => grey.voxels().to_vec(),
-        View::Stretch(scale) => copies.stretch(scale)?.to_vec(),
-        View::Sign(scale) => copies.contrast(scale)?.signs(),
-        View::Detail => copies.contrast(Scale::One)?.detail(),
-        View::Rank(scale) => copies.rank(scale)?,
-    };
-    Volume::new(shape, 1, voxels).ok()
-}
-
 /// The octant sums of several views of one volume, in the order asked for. Views that the volume is too small for are
 /// left out.
 ///
@@ -242,30 +240,30 @@ pub fn render(volume: &Volume, view: View) -> Option<Volume> {
 /// [`extract`](super::extract).
 ///
 /// ```
-/// use hlac::{self, View};
-/// use hlacdb_volume::Volume;
-/// let volume = Volume::from_fn([9, 10, 11], |z, y, x| (20 * z + 5 * y + x) as u8)?;
-/// let described = hlac::describe(&volume, &View::DEFAULT_STORED);
+/// use hlac::{View, Voxels};
+///
+/// let slice: Vec<u8> = (0..9 * 10 * 11).map(|i| (i * i % 251) as u8).collect();
+/// let voxels = Voxels::new(&slice, [9, 10, 11])?;
+/// let described = hlac::describe(voxels, &View::DEFAULT_STORED);
 /// let views: Vec<&str> = described.iter().map(|(view, _)| view.name()).collect();
 /// assert_eq!(views, ["full@1", "stretch@1", "stretch@2", "sign@1", "sign@2", "detail@1"]);
-/// assert_eq!(described[0].1, hlac::extract(&volume));
-/// # Ok::<(), hlacdb_volume::VolumeError>(())
+/// assert_eq!(described[0].1, hlac::extract(voxels));
+/// # Ok::<(), hlac::ExtractError>(())
 /// ```
-pub fn describe(volume: &Volume, views: &[View]) -> Vec<(View, OctantSums)> {
-    let grey = volume.luma();
-    let mut copies = Copies::new(&grey);
+pub fn describe(volume: Voxels<'_>, views: &[View]) -> Vec<(View, OctantSums)> {
+    let mut copies = Copies::new(volume);
     views.iter().filter_map(|&view| Some((view, copies.octants(view)?))).collect()
 }
 
 /// One grey volume and the copies that its views share, each made when first asked for.
 struct Copies<'a> {
-    grey: &'a Volume,
+    grey: Voxels<'a>,
     stretch: [Option<Cow<'a, [u8]>>; 3],
     contrast: [Option<Contrast>; 3],
 }
 
 impl<'a> Copies<'a> {
-    fn new(grey: &'a Volume) -> Self {
+    fn new(grey: Voxels<'a>) -> Self {
         Self { grey, stretch: [const { None }; 3], contrast: [const { None }; 3] }
     }
 
@@ -276,7 +274,7 @@ impl<'a> Copies<'a> {
             let shape = self.grey.shape();
             scale.of(shape)?;
             let made = match scale {
-                Scale::One => maps::stretch(self.grey.voxels()),
+                Scale::One => maps::stretch(self.grey.as_slice()),
                 Scale::Two => Cow::Owned(maps::block_average::<2>(shape, self.stretch(Scale::One)?)),
                 Scale::Four => Cow::Owned(maps::block_average::<4>(shape, self.stretch(Scale::One)?)),
             };
@@ -298,7 +296,7 @@ impl<'a> Copies<'a> {
     /// The voxels of `rank@scale`.
     fn rank(&mut self, scale: Scale) -> Option<Vec<u8>> {
         match scale {
-            Scale::One => Some(maps::rank(self.grey.voxels())),
+            Scale::One => Some(maps::rank(self.grey.as_slice())),
             _ => self.stretch(scale).map(maps::rank),
         }
     }
@@ -306,7 +304,7 @@ impl<'a> Copies<'a> {
     fn octants(&mut self, view: View) -> Option<OctantSums> {
         let shape = view.shape_of(self.grey.shape())?;
         Some(match view {
-            View::Full => kernel::octants(shape, self.grey.voxels()),
+            View::Full => kernel::octants(shape, self.grey.as_slice()),
             View::Sign(scale) => kernel::octants_binary(shape, &self.contrast(scale)?.signs()),
             View::Stretch(scale) => kernel::octants(shape, self.stretch(scale)?),
             View::Detail => kernel::octants(shape, &self.contrast(Scale::One)?.detail()),
