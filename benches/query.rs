@@ -16,7 +16,8 @@ use std::time::{Duration, Instant};
 
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use hlacdb::hlac::View;
-use hlacdb::index::{Index, KdTree, Method, Metric, Points, Question};
+use hlacdb::index::{Index, KdTree, KnnQuery, Method, Points};
+use hlacdb::space::Metric;
 use hlacdb::{OpenOptions, Query};
 use points::{DIMS, Origin};
 
@@ -32,7 +33,7 @@ fn index(rows: usize, coordinates: &[f32]) -> Index {
 }
 
 fn ask(index: &Index, point: &[f32], k: usize, method: Method) -> Vec<(u64, u64)> {
-    let hits = index.search(&Question::nearest(point, k), method).unwrap();
+    let hits = index.search(&KnnQuery::nearest(point, k), method).unwrap();
     hits.iter().map(|hit| (hit.id, hit.distance.to_bits())).collect()
 }
 
@@ -53,7 +54,7 @@ fn table(index: &Index, questions: &[f32]) {
         for method in [Method::Linear, Method::KdTree, Method::Auto] {
             let times = questions.chunks_exact(DIMS).map(|point| {
                 let start = Instant::now();
-                black_box(index.search(&Question::nearest(point, k), method).unwrap());
+                black_box(index.search(&KnnQuery::nearest(point, k), method).unwrap());
                 start.elapsed()
             });
             println!("{rows:>8} {k:>3} {:<7} {}", method.name(), figures(times.collect()));
@@ -78,7 +79,7 @@ fn index_benches(criterion: &mut Criterion) {
                 group.bench_function(BenchmarkId::new(method.name(), k), |bench| {
                     bench.iter_batched(
                         || points.next().unwrap(),
-                        |point| index.search(&Question::nearest(point, k), method).unwrap(),
+                        |point| index.search(&KnnQuery::nearest(point, k), method).unwrap(),
                         BatchSize::SmallInput,
                     );
                 });

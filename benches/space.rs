@@ -6,7 +6,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use hlacdb::hlac::{MASK_COUNT, OctantSums, View, kernel};
-use hlacdb::space::{Contribution, Definition, Prior, Recipe, Space, Statistics};
+use hlacdb::space::{Contribution, Definition, FeatureSet, Prior, Space, Statistics};
 use hlacdb::synth;
 use hlacdb::volume::Volume;
 
@@ -39,7 +39,7 @@ fn describing(criterion: &mut Criterion) {
 
 fn counting(criterion: &mut Criterion) {
     let described = described();
-    for recipe in [Recipe::plain(), Recipe::oriented(), Recipe::pooled()] {
+    for recipe in [FeatureSet::plain(), FeatureSet::oriented(), FeatureSet::pooled()] {
         let contribution = Contribution::of_sums(&recipe, &described).ok().flatten();
         let Some(contribution) = contribution else { continue };
         let mut statistics = Statistics::new(&recipe);
@@ -62,8 +62,8 @@ fn fitting(criterion: &mut Criterion) {
     group.sample_size(20);
     for name in ["oriented", "default"] {
         let Some(definition) = Definition::built_in(name) else { continue };
-        let mut statistics = Statistics::new(&definition.recipe);
-        if let Ok(Some(contribution)) = Contribution::of_sums(&definition.recipe, &described) {
+        let mut statistics = Statistics::new(&definition.feature_set);
+        if let Ok(Some(contribution)) = Contribution::of_sums(&definition.feature_set, &described) {
             assert!(statistics.add(&contribution).is_ok());
         }
         let prior = Prior::shipped();
@@ -84,7 +84,7 @@ fn mapping(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("map 1000 descriptors");
     for name in Definition::BUILT_IN {
         let Some(definition) = Definition::built_in(name) else { continue };
-        let statistics = Statistics::new(&definition.recipe);
+        let statistics = Statistics::new(&definition.feature_set);
         let Ok(space) = Space::fit(&definition, &statistics, None, &Prior::shipped()) else { continue };
         assert_eq!(space.points(ROWS, moments).map(|points| points.len()), Ok(ROWS * space.dims()));
         group.bench_function(name, |bencher| bencher.iter(|| space.points(black_box(ROWS), moments)));

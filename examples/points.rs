@@ -30,7 +30,7 @@ fn main() -> Result<(), Failure> {
         FAMILIES.iter().map(|family| format!("[[group]]\nfamily = \"{}\"\ncount = 8\n", family.name)).collect();
     let specimens = Recipe::parse(&format!("{RECIPE}{}", groups.concat()))?.specimens();
     let definition = Definition::built_in("default").ok_or("no default space")?;
-    let views = definition.recipe.views();
+    let views = definition.feature_set.views();
     let described: Vec<(Described, Described)> = specimens
         .par_iter()
         .enumerate()
@@ -41,15 +41,15 @@ fn main() -> Result<(), Failure> {
         })
         .collect();
 
-    let mut statistics = Statistics::new(&definition.recipe);
-    let mut nuisance = space::Nuisance::new(&definition.recipe);
+    let mut statistics = Statistics::new(&definition.feature_set);
+    let mut nuisance = space::NuisanceStatistics::new(&definition.feature_set);
     for (texture, copy) in &described {
-        let [texture, copy] = [texture, copy].map(|d| Contribution::of_sums(&definition.recipe, d));
+        let [texture, copy] = [texture, copy].map(|d| Contribution::of_sums(&definition.feature_set, d));
         let (Some(texture), Some(copy)) = (texture?, copy?) else { return Err("a texture lacks a view".into()) };
         statistics.add(&texture)?;
         nuisance.add(&texture, &copy)?;
     }
-    let nothing = Statistics::new(&definition.recipe);
+    let nothing = Statistics::new(&definition.feature_set);
     let points = |space: Space| -> Result<Vec<f32>, Failure> {
         let descriptors: Vec<Vec<_>> = described
             .iter()

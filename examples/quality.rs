@@ -12,7 +12,7 @@ use std::error::Error;
 
 use hlacdb::hlac::{MASK_COUNT, View};
 use hlacdb::space::prior::{self, Observations};
-use hlacdb::space::{Contribution, Definition, Features, Kind, Metric, Prior, Space, Statistics};
+use hlacdb::space::{Contribution, Definition, Features, Metric, Prior, Space, SpaceKind, Statistics};
 use hlacdb::synth::{Nuisance, Recipe, Specimen};
 use rayon::prelude::*;
 
@@ -83,7 +83,7 @@ struct Fit {
 
 fn fits(definition: &Definition) -> Vec<Fit> {
     let fit = |name: &str, weight, own| Fit { name: name.to_owned(), weight, own };
-    if !matches!(definition.kind, Kind::Likeness { .. }) {
+    if !matches!(definition.kind, SpaceKind::Likeness { .. }) {
         return vec![fit("own", 0.0, true)];
     }
     let weights: Vec<f64> = match std::env::var("WEIGHTS") {
@@ -133,7 +133,7 @@ fn textures(specimens: &[Specimen], label: &str) -> Result<Vec<Texture>, Failure
         let recipes: BTreeMap<String, _> = Definition::BUILT_IN
             .iter()
             .filter_map(|name| Definition::built_in(name))
-            .map(|definition| (definition.recipe.key(), definition.recipe))
+            .map(|definition| (definition.feature_set.key(), definition.feature_set))
             .collect();
         let contributions = recipes.values().filter_map(|r| Contribution::of_sums(r, &described).transpose());
         Ok(Texture {
@@ -171,24 +171,26 @@ fn scores(
     store: &[Texture],
 ) -> Result<ByLabel, Failure> {
     let contributions = |textures: &[Texture]| -> Vec<Contribution> {
-        let of = |texture: &Texture| texture.contributions.iter().find(|c| *c.recipe() == definition.recipe).cloned();
+        let of = |texture: &Texture| {
+            texture.contributions.iter().find(|c| *c.feature_set() == definition.feature_set).cloned()
+        };
         textures.iter().filter_map(of).collect()
     };
     let stored = contributions(store);
-    let mut whole = Statistics::new(&definition.recipe);
+    let mut whole = Statistics::new(&definition.feature_set);
     stored.iter().try_for_each(|texture| whole.add(texture))?;
     let features = |textures: &[Texture]| -> Result<Vec<Features>, Failure> {
         Ok(textures
             .iter()
-            .map(|texture| definition.recipe.features(|view| texture.moments.get(&view)))
+            .map(|texture| definition.feature_set.features(|view| texture.moments.get(&view)))
             .collect::<Result<_, _>>()?)
     };
     let (query_features, store_features) = (features(queries)?, features(store)?);
     // The paper's experiment has two classes: to leave one out is to leave half the store out.
     let labels: BTreeSet<&str> = queries.iter().map(|texture| texture.label.as_str()).collect();
     let left_out = |label: &str| -> Result<Statistics, Failure> {
-        let mut statistics = if fit.own { whole.clone() } else { Statistics::new(&definition.recipe) };
-        if fit.own && labels.len() > 2 && definition.kind != Kind::ZScore {
+        let mut statistics = if fit.own { whole.clone() } else { Statistics::new(&definition.feature_set) };
+        if fit.own && labels.len() > 2 && definition.kind != SpaceKind::ZScore {
             let gone = store.iter().zip(&stored).filter(|(texture, _)| texture.label == label);
             gone.map(|(_, contribution)| contribution).try_for_each(|texture| statistics.remove(texture))?;
         }

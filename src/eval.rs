@@ -13,8 +13,8 @@ use serde::Serialize;
 
 use crate::database::Database;
 use crate::error::Error;
-use crate::index::Metric;
 use crate::progress::Progress;
+use crate::space::Metric;
 
 /// Up to which rank the precision is told rank by rank.
 pub const CURVE_RANKS: usize = 50;

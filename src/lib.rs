@@ -39,7 +39,6 @@ mod error;
 pub mod eval;
 pub mod index;
 pub mod ingest;
-mod metric;
 #[path = "../migrations/mod.rs"]
 pub mod migrations;
 mod progress;

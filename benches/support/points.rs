@@ -6,7 +6,8 @@
 //! are drawn around smooth surfaces of eight latent coordinates. Either way the seed fixes every bit of the input.
 
 use hlacdb::hlac::MASKS;
-use hlacdb::index::{Graph, Index, Metric, Points};
+use hlacdb::index::{Graph, Index, Points};
+use hlacdb::space::Metric;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -9,7 +9,7 @@ use std::sync::{Mutex, OnceLock};
 
 use hlacdb::serve::Settings;
 use hlacdb::serve::fuzz::Door;
-use hlacdb::space::{Nuisance, Space, Statistics};
+use hlacdb::space::{NuisanceStatistics, Space, Statistics};
 use hlacdb::synth::Recipe;
 use hlacdb::volume::{self, Endian, Intensity, RawLayout, ReadOptions, SampleType, Volume};
 use hlacdb::{Database, Meta, OpenOptions, Query};
@@ -168,7 +168,7 @@ pub fn statistics(data: &[u8]) {
     if let Ok(statistics) = Statistics::decode(data) {
         let _ = (statistics.covariance(), statistics.extremes());
     }
-    let _ = Nuisance::decode(data);
+    let _ = NuisanceStatistics::decode(data);
 }
 
 /// Spaces at rest.

@@ -4,7 +4,7 @@ use std::io::Write;
 
 use clap::{Args, Subcommand, ValueEnum};
 use hlacdb::hlac::View;
-use hlacdb::space::{Definition, Form, Kind, Recipe, Space as Fitted};
+use hlacdb::space::{Definition, FeatureForm, FeatureSet, Space as Fitted, SpaceKind};
 
 use super::bars::Bars;
 use super::table::{Align, Table};
@@ -118,7 +118,7 @@ fn list(context: &mut Context) -> Result<Outcome, Failure> {
         ("views", Align::Left),
     ]);
     for space in &spaces {
-        let views: Vec<&str> = space.recipe().views().iter().map(|view| view.name()).collect();
+        let views: Vec<&str> = space.feature_set().views().iter().map(|view| view.name()).collect();
         let own = if Definition::built_in(space.name()).is_some() { "" } else { " (own)" };
         let numbers = [space.epoch(), space.textures_at_fit(), space.dims() as u64].map(|number| number.to_string());
         let name = format!("{}{own}", space.name());
@@ -185,13 +185,13 @@ impl Add {
         if likeness {
             return Ok(Definition::likeness(&self.name, &views, self.pooled, self.nuisance, self.dims)?);
         }
-        let form = if self.pooled { Form::Pooled } else { Form::Moments };
+        let form = if self.pooled { FeatureForm::Pooled } else { FeatureForm::Moments };
         let kind = match self.kind {
-            What::Histogram => Kind::Histogram,
-            What::Intersection => Kind::Intersection,
-            What::Zscore | What::Likeness => Kind::ZScore,
+            What::Histogram => SpaceKind::Histogram,
+            What::Intersection => SpaceKind::Intersection,
+            What::Zscore | What::Likeness => SpaceKind::ZScore,
         };
-        let definition = Definition { name: self.name.clone(), recipe: Recipe::new(form, &views)?, kind };
+        let definition = Definition { name: self.name.clone(), feature_set: FeatureSet::new(form, &views)?, kind };
         definition.check()?;
         Ok(definition)
     }

@@ -1,7 +1,7 @@
 //! What a store keeps of each texture, as its settings say: views, and the statistics that its spaces look at.
 
 use crate::hlac::View;
-use crate::space::{Definition, Form, Recipe};
+use crate::space::{Definition, FeatureForm, FeatureSet};
 use crate::store::{Reads, Settings};
 
 /// The space that answers where none is named.
@@ -42,9 +42,10 @@ impl Scheme {
     }
 
     /// The recipes that statistics are kept of: the plain moments, and whatever the spaces look at.
-    pub(crate) fn recipes(&self) -> Vec<Recipe> {
-        let mut recipes: Vec<Recipe> = self.definitions.iter().map(|definition| definition.recipe.clone()).collect();
-        recipes.sort_by_key(Recipe::key);
+    pub(crate) fn recipes(&self) -> Vec<FeatureSet> {
+        let mut recipes: Vec<FeatureSet> =
+            self.definitions.iter().map(|definition| definition.feature_set.clone()).collect();
+        recipes.sort_by_key(FeatureSet::key);
         recipes.dedup();
         recipes
     }
@@ -57,9 +58,9 @@ impl Scheme {
 
 /// The likeness spaces of a store that keeps none of their views: the same on the views it keeps.
 fn instead(definition: Definition, views: &[View]) -> Option<Definition> {
-    let pooled = definition.recipe.form() == Form::Pooled;
-    let recipe = Recipe::new(definition.recipe.form(), views).ok().filter(|_| pooled)?;
-    Some(Definition { recipe, ..definition })
+    let pooled = definition.feature_set.form() == FeatureForm::Pooled;
+    let feature_set = FeatureSet::new(definition.feature_set.form(), views).ok().filter(|_| pooled)?;
+    Some(Definition { feature_set, ..definition })
 }
 
 /// What the name of a setting begins with that holds a definition, as JSON.

@@ -7,8 +7,9 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::kdtree::Effort;
-use super::question::{Allowed, Best};
-use super::{IndexError, KdTree, Metric, Neighbour, Points, Question, linear};
+use super::query::{IdFilter, TopK};
+use super::{IndexError, KdTree, KnnQuery, Neighbour, Points, linear};
+use crate::space::Metric;
 
 /// How a question is answered. The answer is the same; only the time differs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -143,15 +144,15 @@ impl Index {
     /// The tree answers where there is one over at least half of the rows, at least 4096 rows are live, `k` is at most
     /// 1/100 of them, and the filter is none, a predicate, or a list of at least 1/8 of the rows (a shorter list is looked
     /// up id by id). Everything else is the scan's.
-    pub fn choose(&self, question: &Question<'_>, method: Method) -> Method {
+    pub fn choose(&self, query: &KnnQuery<'_>, method: Method) -> Method {
         if method != Method::Auto {
             return method;
         }
         let rows = self.points.len();
-        let few_asked = question.k <= rows / TREE_FRACTION;
-        let broad = match question.allowed {
-            Allowed::Ids(ids) => ids.len() >= rows / linear::GATHER_FRACTION,
-            Allowed::All | Allowed::When(_) => true,
+        let few_asked = query.k <= rows / TREE_FRACTION;
+        let broad = match query.filter {
+            IdFilter::Ids(ids) => ids.len() >= rows / linear::GATHER_FRACTION,
+            IdFilter::All | IdFilter::Predicate(_) => true,
         };
         if self.tree.is_some() && rows >= TREE_ROWS && self.tail() <= rows / 2 && few_asked && broad {
             Method::KdTree
@@ -161,13 +162,13 @@ impl Index {
     }
 
     /// The neighbours that the question asks for, nearest first, ties by id; empty where there are none.
-    pub fn search(&self, question: &Question<'_>, method: Method) -> Result<Vec<Neighbour>, IndexError> {
-        question.check(self.points.dims())?;
-        match (self.choose(question, method), &self.tree) {
-            (Method::KdTree, Some(tree)) => Ok(tree.search(&self.points, question, Effort::MEASURED)),
+    pub fn search(&self, query: &KnnQuery<'_>, method: Method) -> Result<Vec<Neighbour>, IndexError> {
+        query.check(self.points.dims())?;
+        match (self.choose(query, method), &self.tree) {
+            (Method::KdTree, Some(tree)) => Ok(tree.search(&self.points, query, Effort::MEASURED)),
             _ => {
-                let mut best = Best::new(question, self.points.len());
-                linear::scan(&self.points, question, 0, &mut best);
+                let mut best = TopK::new(query, self.points.len());
+                linear::scan(&self.points, query, 0, &mut best);
                 Ok(best.into_sorted())
             }
         }
@@ -176,8 +177,8 @@ impl Index {
     /// Many questions, shared between the threads of the current rayon pool; answers in the order of the questions.
     ///
     /// The first refused question makes the whole call fail.
-    pub fn search_all(&self, questions: &[Question<'_>], method: Method) -> Result<Vec<Vec<Neighbour>>, IndexError> {
-        questions.par_iter().map(|question| self.search(question, method)).collect()
+    pub fn search_all(&self, queries: &[KnnQuery<'_>], method: Method) -> Result<Vec<Vec<Neighbour>>, IndexError> {
+        queries.par_iter().map(|query| self.search(query, method)).collect()
     }
 }
 
@@ -221,26 +222,26 @@ mod tests {
     fn the_tree_is_chosen_for_few_neighbours_among_many_rows() {
         let mut index = line(10_000);
         let point = [5.0];
-        let nearest = Question::nearest(&point, 10);
+        let nearest = KnnQuery::nearest(&point, 10);
         assert_eq!(index.choose(&nearest, Method::Auto), Method::Linear);
         index.rebuild();
         assert_eq!(index.choose(&nearest, Method::Auto), Method::KdTree);
         assert_eq!(index.choose(&nearest, Method::Linear), Method::Linear);
-        assert_eq!(index.choose(&Question::nearest(&point, 101), Method::Auto), Method::Linear);
-        assert_eq!(index.choose(&nearest.allowed(Allowed::Ids(&[1, 2, 3])), Method::Auto), Method::Linear);
+        assert_eq!(index.choose(&KnnQuery::nearest(&point, 101), Method::Auto), Method::Linear);
+        assert_eq!(index.choose(&nearest.filter(IdFilter::Ids(&[1, 2, 3])), Method::Auto), Method::Linear);
         let even = |id: u64| id.is_multiple_of(2);
-        assert_eq!(index.choose(&nearest.allowed(Allowed::When(&even)), Method::Auto), Method::KdTree);
+        assert_eq!(index.choose(&nearest.filter(IdFilter::Predicate(&even)), Method::Auto), Method::KdTree);
     }
 
     #[test]
     fn refusals() {
         let mut index = line(3);
-        let ask = |question: Question<'_>| line(3).search(&question, Method::Auto).unwrap_err();
-        assert_eq!(ask(Question::nearest(&[1.0, 2.0], 1)), IndexError::Dimensions { expected: 1, found: 2 });
-        assert!(matches!(ask(Question::nearest(&[f32::NAN], 1)), IndexError::NotFinite { position: 0, .. }));
-        assert_eq!(ask(Question::nearest(&[1.0], 0)), IndexError::ZeroNeighbours);
-        assert_eq!(ask(Question::all_within(&[1.0], -1.0)), IndexError::Radius { radius: -1.0 });
-        let unsorted = Question::nearest(&[1.0], 1).allowed(Allowed::Ids(&[2, 2]));
+        let ask = |query: KnnQuery<'_>| line(3).search(&query, Method::Auto).unwrap_err();
+        assert_eq!(ask(KnnQuery::nearest(&[1.0, 2.0], 1)), IndexError::Dimensions { expected: 1, found: 2 });
+        assert!(matches!(ask(KnnQuery::nearest(&[f32::NAN], 1)), IndexError::NotFinite { position: 0, .. }));
+        assert_eq!(ask(KnnQuery::nearest(&[1.0], 0)), IndexError::ZeroNeighbours);
+        assert_eq!(ask(KnnQuery::all_within(&[1.0], -1.0)), IndexError::Radius { radius: -1.0 });
+        let unsorted = KnnQuery::nearest(&[1.0], 1).filter(IdFilter::Ids(&[2, 2]));
         assert_eq!(ask(unsorted), IndexError::AllowedOrder { position: 1 });
         assert_eq!(index.push(3, &[1.0]), Err(IndexError::IdOrder { id: 3, last: 3 }));
         assert!(matches!(index.push(4, &[f32::INFINITY]), Err(IndexError::NotFinite { .. })));
@@ -249,7 +250,7 @@ mod tests {
             Points::from_rows(Metric::L2, 2, &[1, 2], &[0.0; 3]).err(),
             Some(IndexError::Length { ids: 2, dims: 2, coordinates: 3 })
         );
-        assert!(Index::new(Metric::L2, 4).unwrap().search(&Question::nearest(&[0.0; 4], 5), Method::Auto).is_ok());
+        assert!(Index::new(Metric::L2, 4).unwrap().search(&KnnQuery::nearest(&[0.0; 4], 5), Method::Auto).is_ok());
         // Nothing of the refused rows stayed.
         assert_eq!(index.points().rows(), 3);
     }
@@ -272,14 +273,14 @@ mod tests {
         let mut index = line(9000);
         (1..6000).for_each(|id| assert!(index.remove(id)));
         assert!(index.should_rebuild());
-        let question = Question::nearest(&[5990.0], 20);
-        let before = index.search(&question, Method::Linear).unwrap();
+        let query = KnnQuery::nearest(&[5990.0], 20);
+        let before = index.search(&query, Method::Linear).unwrap();
         let old_tree = Arc::new(KdTree::build(index.points()).unwrap());
         index.rebuild();
         assert_eq!((index.points().rows(), index.points().removed(), index.tail()), (3001, 0, 0));
         assert!(!index.install(old_tree), "a tree over rows that are gone");
         for method in [Method::Linear, Method::KdTree] {
-            assert_eq!(index.search(&question, method).unwrap(), before);
+            assert_eq!(index.search(&query, method).unwrap(), before);
         }
     }
 
@@ -293,7 +294,7 @@ mod tests {
                     for _ in 0..200 {
                         let snapshot = shared.snapshot();
                         // Rows come and go in pairs at 0.25 and 0.75: one without the other is a state between.
-                        let hits = snapshot.search(&Question::all_within(&[0.5], 0.25), Method::Auto).unwrap();
+                        let hits = snapshot.search(&KnnQuery::all_within(&[0.5], 0.25), Method::Auto).unwrap();
                         assert_eq!(hits.len() % 2, 0);
                     }
                 });

@@ -1,15 +1,15 @@
 //! A k-d tree over keys, which finds the rows that the true distance then ranks.
 //!
-//! It knows the keys of rows (see `bound.rs`), whose distances are lower bounds of those of their points. What answers
+//! It knows the keys of rows (see `lower_bound.rs`), whose distances are lower bounds of those of their points. What answers
 //! depends on how much of a point its key holds:
 //!
 //! * *All of it* (up to 8 coordinates): kiddo's `ImmutableKdTree` proposes the rows of the nearest keys, twice `k`, which
 //!   are measured; the k-th true distance so far is a limit. If even the last proposal's bound exceeds the limit, no other
 //!   row can matter and the answer is there. A sweep answers otherwise: where keys tie, or a radius is asked for.
-//! * *A part of it*: a sweep, which goes through the rows in a k-d order of boxes, the nearest first (see `packed.rs`).
+//! * *A part of it*: a sweep, which goes through the rows in a k-d order of boxes, the nearest first (see `box_tree.rs`).
 //!
 //! Where a filter leaves too few, the scan takes over. The margins that make this exact in spite of rounding are derived
-//! in `bound.rs` and `codes.rs`. Rows added after the build (the tail) are scanned; rows removed after it are found and
+//! in `lower_bound.rs` and `scalar_quantisation.rs`. Rows added after the build (the tail) are scanned; rows removed after it are found and
 //! passed over.
 //!
 //! Measured (leading coordinates of real points, k = 10, one busy core, medians of a thousand questions; the sweep alone
@@ -21,12 +21,13 @@ use std::num::NonZeroUsize;
 
 use kiddo::{ImmutableKdTree, Manhattan, QueryResultItem, SquaredEuclidean};
 
-use super::bound::{Probe, WIDTHS};
-use super::codes;
+use super::box_tree::{BoxTree, Entry};
 use super::linear::{self, measure};
-use super::packed::{Entry, Packed};
-use super::question::Best;
-use super::{Metric, Neighbour, Points, Question};
+use super::lower_bound::{Probe, WIDTHS};
+use super::query::TopK;
+use super::scalar_quantisation;
+use super::{KnnQuery, Neighbour, Points};
+use crate::space::Metric;
 
 /// The greatest number in a key that a tree takes: sums of squares stay far inside the range of `f32`.
 const MAGNITUDE: f32 = (1u64 << 60) as f32;
@@ -55,7 +56,7 @@ impl Tree {
 pub struct KdTree {
     /// Only over points that their keys hold whole.
     tree: Option<Tree>,
-    packed: Packed,
+    packed: BoxTree,
     metric: Metric,
     rows: usize,
     lineage: u64,
@@ -82,7 +83,7 @@ impl KdTree {
 
     /// Whether no coordinate is too great for a tree, nor their number.
     pub(super) fn takes(points: &Points) -> bool {
-        points.magnitude() <= MAGNITUDE && points.dims() <= codes::MOST_DIMS
+        points.magnitude() <= MAGNITUDE && points.dims() <= scalar_quantisation::MOST_DIMS
     }
 
     /// Rows it covers: all later ones are the tail.
@@ -96,24 +97,24 @@ impl KdTree {
     }
 
     /// The answer to a question that was checked, over points that the tree fits.
-    pub(super) fn search(&self, points: &Points, question: &Question<'_>, effort: Effort) -> Vec<Neighbour> {
-        let probe = points.probe(question.point);
-        let mut best = Best::new(question, points.len());
+    pub(super) fn search(&self, points: &Points, query: &KnnQuery<'_>, effort: Effort) -> Vec<Neighbour> {
+        let probe = points.probe(query.point);
+        let mut best = TopK::new(query, points.len());
         let mut next = match &self.tree {
             _ if probe.key().iter().any(|value| value.abs() > MAGNITUDE) => Next::Scan,
-            Some(tree) => self.propose(points, question, tree, &probe, effort, &mut best),
+            Some(tree) => self.propose(points, query, tree, &probe, effort, &mut best),
             None => Next::Sweep,
         };
         if matches!(next, Next::Sweep) {
             best.restart();
-            next = self.sweep(points, question, &probe, effort, &mut best);
+            next = self.sweep(points, query, &probe, effort, &mut best);
         }
         let mut from = self.rows;
         if matches!(next, Next::Scan) {
             best.restart();
             from = 0;
         }
-        linear::scan(points, question, from, &mut best);
+        linear::scan(points, query, from, &mut best);
         best.into_sorted()
     }
 
@@ -121,11 +122,11 @@ impl KdTree {
     fn propose(
         &self,
         points: &Points,
-        question: &Question<'_>,
+        query: &KnnQuery<'_>,
         tree: &Tree,
         probe: &Probe,
         effort: Effort,
-        best: &mut Best,
+        best: &mut TopK,
     ) -> Next {
         let most = (self.rows / effort.fraction).max(effort.floor);
         let mut wanted = best.wanted().saturating_mul(PROPOSALS_PER_HIT).max(FEWEST_PROPOSALS);
@@ -138,7 +139,7 @@ impl KdTree {
             let proposals = tree.nearest(self.metric, probe, wanted);
             for proposal in &proposals {
                 if proposal.distance <= probe.threshold(best.limit()) {
-                    measure(points, question, proposal.item as usize, best);
+                    measure(points, query, proposal.item as usize, best);
                 }
             }
             let Some(last) = proposals.last() else { return Next::Tail };
@@ -158,11 +159,11 @@ impl KdTree {
 
     /// Measures all rows whose bounds are within the limit, which shrinks meanwhile, and says what is left to do: a filter
     /// may let so few through that it gives up.
-    fn sweep(&self, points: &Points, question: &Question<'_>, probe: &Probe, effort: Effort, best: &mut Best) -> Next {
+    fn sweep(&self, points: &Points, query: &KnnQuery<'_>, probe: &Probe, effort: Effort, best: &mut TopK) -> Next {
         let most = (self.rows / effort.fraction).max(effort.floor);
         let mut visited = 0;
-        let done = self.packed.sweep(question.point, probe, best.limit(), |row| {
-            measure(points, question, row as usize, best);
+        let done = self.packed.sweep(query.point, probe, best.limit(), |row| {
+            measure(points, query, row as usize, best);
             visited += 1;
             let limit = best.limit();
             (visited <= most || limit.is_finite()).then_some(limit)
@@ -205,7 +206,7 @@ enum Next {
 }
 
 /// The tree of all live rows, where keys hold all of a point, and the keys packed.
-fn grow<const K: usize>(points: &Points) -> Option<(Option<ImmutableKdTree<f32, K>>, Packed)> {
+fn grow<const K: usize>(points: &Points) -> Option<(Option<ImmutableKdTree<f32, K>>, BoxTree)> {
     let entries: Vec<Entry<K>> = (0..points.rows())
         .filter(|&row| points.is_live(row))
         .filter_map(|row| {
@@ -216,7 +217,7 @@ fn grow<const K: usize>(points: &Points) -> Option<(Option<ImmutableKdTree<f32, 
         .collect();
     // Refused only for item types that are too narrow, which rows in 32 bits are not.
     let tree = if points.dims() <= K { Some(ImmutableKdTree::new_from_entries(&entries).ok()?) } else { None };
-    Some((tree, Packed::new(points, entries)))
+    Some((tree, BoxTree::new(points, entries)))
 }
 
 fn nearest<const K: usize>(
@@ -235,7 +236,7 @@ fn nearest<const K: usize>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Allowed, Index, Method};
+    use super::super::{IdFilter, Index, Method};
     use super::*;
     use proptest::prelude::*;
 
@@ -286,12 +287,12 @@ mod tests {
             let some = |id: u64| id.is_multiple_of(share);
             let index = Index::from_points(points.clone());
             for k in [k, usize::MAX] {
-                for allowed in [Allowed::All, Allowed::When(&some)] {
+                for filter in [IdFilter::All, IdFilter::Predicate(&some)] {
                     for within in [None, Some(radius), Some(0.0)] {
-                        let question = Question { point: query, k, within, allowed, exclude: Some(7) };
-                        let expected = index.search(&question, Method::Linear).unwrap();
-                        let found = tree.search(&points, &question, Effort::ENDLESS);
-                        prop_assert_eq!(bits(&found), bits(&expected), "{:?}", question);
+                        let query = KnnQuery { point: query, k, within, filter, exclude: Some(7) };
+                        let expected = index.search(&query, Method::Linear).unwrap();
+                        let found = tree.search(&points, &query, Effort::ENDLESS);
+                        prop_assert_eq!(bits(&found), bits(&expected), "{:?}", query);
                     }
                 }
             }
@@ -317,11 +318,11 @@ mod tests {
             for from in (0..ROWS).step_by(331).chain([3, 503]) {
                 let mut point = point(from);
                 point[1] += 0.01;
-                let nearest = Question::nearest(&point, 12);
-                for question in [nearest, nearest.within(0.2), nearest.allowed(Allowed::When(&odd))] {
-                    let expected = index.search(&question, Method::Linear).unwrap();
-                    assert_eq!(bits(&tree.search(&points, &question, Effort::MEASURED)), bits(&expected));
-                    assert_eq!(bits(&tree.search(&points, &question, Effort::ENDLESS)), bits(&expected));
+                let nearest = KnnQuery::nearest(&point, 12);
+                for query in [nearest, nearest.within(0.2), nearest.filter(IdFilter::Predicate(&odd))] {
+                    let expected = index.search(&query, Method::Linear).unwrap();
+                    assert_eq!(bits(&tree.search(&points, &query, Effort::MEASURED)), bits(&expected));
+                    assert_eq!(bits(&tree.search(&points, &query, Effort::ENDLESS)), bits(&expected));
                 }
             }
         }
@@ -333,8 +334,8 @@ mod tests {
         let mut points = Points::from_rows(Metric::L2, 12, &ids, &vec![0.25; 120_000]).unwrap();
         points.remove(0);
         let tree = KdTree::build(&points).unwrap();
-        let question = Question::nearest(&[0.25; 12], 3);
-        let hits = tree.search(&points, &question, Effort::ENDLESS);
+        let query = KnnQuery::nearest(&[0.25; 12], 3);
+        let hits = tree.search(&points, &query, Effort::ENDLESS);
         assert_eq!(hits.iter().map(|hit| hit.id).collect::<Vec<_>>(), [1, 2, 3]);
     }
 

@@ -7,27 +7,27 @@
 //! * Won: one key per row for scan and tree; blocks of 16 rows keep the sums in registers.
 //! * Lost: an early exit inside a block; eight numbers are added sooner than asked about.
 
-use super::bound::LANES;
-use super::question::{Allowed, Best};
-use super::wide::with_wide_vectors;
-use super::{Neighbour, Points, Question};
+use super::lower_bound::LANES;
+use super::multiversion::multiversioned;
+use super::query::{IdFilter, TopK};
+use super::{KnnQuery, Neighbour, Points};
 
 /// Offers all rows from `from` on that may be hits.
-pub(super) fn scan(points: &Points, question: &Question<'_>, from: usize, best: &mut Best) {
-    if let Allowed::Ids(ids) = question.allowed
+pub(super) fn scan(points: &Points, query: &KnnQuery<'_>, from: usize, best: &mut TopK) {
+    if let IdFilter::Ids(ids) = query.filter
         && ids.len() < (points.rows() - from) / GATHER_FRACTION
     {
-        return gather(points, question, ids, from, best);
+        return gather(points, query, ids, from, best);
     }
-    with_wide_vectors(
+    multiversioned(
         #[inline(always)]
-        || scan_here(points, question, from, best),
+        || scan_here(points, query, from, best),
     );
 }
 
 #[inline(always)]
-fn scan_here(points: &Points, question: &Question<'_>, from: usize, best: &mut Best) {
-    let probe = points.probe(question.point);
+fn scan_here(points: &Points, query: &KnnQuery<'_>, from: usize, best: &mut TopK) {
+    let probe = points.probe(query.point);
     let mut threshold = probe.threshold(best.limit());
     for block in from / LANES..points.rows().div_ceil(LANES) {
         let (keys, live) = points.block(block);
@@ -42,7 +42,7 @@ fn scan_here(points: &Points, question: &Question<'_>, from: usize, best: &mut B
         }
         for (lane, &bound) in bounds.iter().enumerate() {
             let row = block * LANES + lane;
-            if bound <= threshold && live >> lane & 1 == 1 && row >= from && measure(points, question, row, best) {
+            if bound <= threshold && live >> lane & 1 == 1 && row >= from && measure(points, query, row, best) {
                 threshold = probe.threshold(best.limit());
             }
         }
@@ -58,13 +58,13 @@ fn least(bounds: &[f32; LANES]) -> f32 {
 pub(super) const GATHER_FRACTION: usize = 8;
 
 /// Offers the rows of these ids.
-fn gather(points: &Points, question: &Question<'_>, ids: &[u64], from: usize, best: &mut Best) {
+fn gather(points: &Points, query: &KnnQuery<'_>, ids: &[u64], from: usize, best: &mut TopK) {
     for &id in ids {
-        if question.exclude != Some(id)
+        if query.exclude != Some(id)
             && let Some(row) = points.find(id)
             && row >= from
         {
-            let distance = points.metric().distance(question.point, points.row(row));
+            let distance = points.metric().distance(query.point, points.row(row));
             best.offer(Neighbour { id, distance });
         }
     }
@@ -73,13 +73,13 @@ fn gather(points: &Points, question: &Question<'_>, ids: &[u64], from: usize, be
 /// Measures one row and offers it, if it is live and the question's filter lets it through. True if it may have
 /// changed the best.
 #[inline]
-pub(super) fn measure(points: &Points, question: &Question<'_>, row: usize, best: &mut Best) -> bool {
-    let distance = points.metric().distance(question.point, points.row(row));
+pub(super) fn measure(points: &Points, query: &KnnQuery<'_>, row: usize, best: &mut TopK) -> bool {
+    let distance = points.metric().distance(query.point, points.row(row));
     if distance > best.limit() || !points.is_live(row) {
         return false;
     }
     let id = points.id(row);
-    let admitted = question.admits(id);
+    let admitted = query.admits(id);
     if admitted {
         best.offer(Neighbour { id, distance });
     }
@@ -89,7 +89,7 @@ pub(super) fn measure(points: &Points, question: &Question<'_>, row: usize, best
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::index::Metric;
+    use crate::space::Metric;
 
     #[test]
     fn wide_vectors_change_no_bit() {
@@ -100,10 +100,10 @@ mod tests {
             let points = Points::from_rows(metric, dims, &ids, &values).unwrap();
             for from in [0, 17, 2990] {
                 let point: Vec<f32> = values[..dims].iter().map(|v| v + 0.01).collect();
-                let question = Question::nearest(&point, 12);
-                let [mut wide, mut narrow] = [(); 2].map(|()| Best::new(&question, 3000));
-                scan(&points, &question, from, &mut wide);
-                scan_here(&points, &question, from, &mut narrow);
+                let query = KnnQuery::nearest(&point, 12);
+                let [mut wide, mut narrow] = [(); 2].map(|()| TopK::new(&query, 3000));
+                scan(&points, &query, from, &mut wide);
+                scan_here(&points, &query, from, &mut narrow);
                 assert_eq!(wide.into_sorted(), narrow.into_sorted());
             }
         }

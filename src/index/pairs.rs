@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Allowed, Index, IndexError, Method, Neighbour, Question};
+use super::{IdFilter, Index, IndexError, KnnQuery, Method, Neighbour};
 
 /// Two live rows and their distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,8 +35,8 @@ impl Index {
             .map(|&(id, point)| {
                 // Only later ids: each pair is found once.
                 let later = |other: u64| other > id;
-                let question = Question::all_within(point, radius).allowed(Allowed::When(&later));
-                let mut hits = self.search(&question, self.range_method())?;
+                let query = KnnQuery::all_within(point, radius).filter(IdFilter::Predicate(&later));
+                let mut hits = self.search(&query, self.range_method())?;
                 hits.sort_unstable_by_key(|hit| hit.id);
                 Ok(hits.iter().map(|hit| Pair { first: id, second: hit.id, distance: hit.distance }).collect())
             })
@@ -49,7 +49,7 @@ impl Index {
         let rows: Vec<(u64, &[f32])> = self.points().iter().collect();
         let neighbours = rows
             .par_iter()
-            .map(|&(id, point)| self.search(&Question::nearest(point, k).exclude(id), Method::Auto))
+            .map(|&(id, point)| self.search(&KnnQuery::nearest(point, k).exclude(id), Method::Auto))
             .collect::<Result<_, _>>()?;
         Ok(Graph { ids: rows.iter().map(|&(id, _)| id).collect(), neighbours })
     }
@@ -62,8 +62,9 @@ impl Index {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Metric, Points};
+    use super::super::Points;
     use super::*;
+    use crate::space::Metric;
 
     #[test]
     fn pairs_and_graph_are_what_every_pair_says() {

@@ -13,9 +13,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::bound::{FINE, Key, KeyBlock, KeyShape, LANES, Probe};
-use super::question::check_point;
-use super::{IndexError, Metric};
+use super::IndexError;
+use super::lower_bound::{FINE, Key, KeyBlock, KeyShape, LANES, Probe};
+use super::query::check_point;
+use crate::space::Metric;
 
 /// Rows of a chunk, the unit of sharing between snapshots.
 pub const CHUNK_ROWS: usize = 1024;

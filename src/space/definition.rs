@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Form, Recipe, SpaceError};
+use super::Metric;
+use super::{FeatureForm, FeatureSet, SpaceError};
 use crate::hlac::View;
-use crate::metric::Metric;
 
 /// The most coordinates that a likeness space can have: as many directions as its fit keeps.
 pub const MAX_DIMS: usize = 128;
@@ -12,7 +12,7 @@ pub const MAX_DIMS: usize = 128;
 /// What a space makes of features.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum SpaceKind {
     /// The paper's histogram: sums per window, `moment * 255^cells`; L1. Of degree roots or pools: themselves.
     Histogram,
     /// The same histogram divided by twice its total; L1. The distance is then `1 - sum of min(a, b)` of the two
@@ -35,9 +35,10 @@ pub struct Definition {
     /// 1 to 64 letters, digits, `-` or `_`.
     pub name: String,
     /// The features.
-    pub recipe: Recipe,
+    #[serde(rename = "recipe")]
+    pub feature_set: FeatureSet,
     /// What is made of them.
-    pub kind: Kind,
+    pub kind: SpaceKind,
 }
 
 impl Definition {
@@ -62,20 +63,20 @@ impl Definition {
     /// ```
     /// use hlacdb::space::Definition;
     /// let default = Definition::built_in("default").ok_or("no such space")?;
-    /// assert_eq!((default.recipe.dims(), default.dims()), (245, 32));
+    /// assert_eq!((default.feature_set.dims(), default.dims()), (245, 32));
     /// # Ok::<(), &str>(())
     /// ```
     pub fn built_in(name: &str) -> Option<Self> {
         const DIMS: usize = 32;
-        let (recipe, kind) = match name {
-            "paper" => (Recipe::plain(), Kind::Histogram),
-            "zscore" => (Recipe::plain(), Kind::ZScore),
-            "oriented" => (Recipe::oriented(), Kind::Likeness { nuisance: 0.0, dims: DIMS }),
-            "default" => (Recipe::pooled(), Kind::Likeness { nuisance: 0.5, dims: DIMS }),
-            "invariant" => (Recipe::pooled(), Kind::Likeness { nuisance: 1.0, dims: DIMS }),
+        let (feature_set, kind) = match name {
+            "paper" => (FeatureSet::plain(), SpaceKind::Histogram),
+            "zscore" => (FeatureSet::plain(), SpaceKind::ZScore),
+            "oriented" => (FeatureSet::oriented(), SpaceKind::Likeness { nuisance: 0.0, dims: DIMS }),
+            "default" => (FeatureSet::pooled(), SpaceKind::Likeness { nuisance: 0.5, dims: DIMS }),
+            "invariant" => (FeatureSet::pooled(), SpaceKind::Likeness { nuisance: 1.0, dims: DIMS }),
             _ => return None,
         };
-        Some(Self { name: name.to_owned(), recipe, kind })
+        Some(Self { name: name.to_owned(), feature_set, kind })
     }
 
     /// A likeness space of one's own.
@@ -83,8 +84,8 @@ impl Definition {
     /// # Errors
     /// [`SpaceError::Name`], [`SpaceError::NoViews`], [`SpaceError::Weight`], [`SpaceError::Dims`].
     pub fn likeness(name: &str, views: &[View], pooled: bool, nuisance: f64, dims: usize) -> Result<Self, SpaceError> {
-        let recipe = Recipe::new(if pooled { Form::Pooled } else { Form::Roots }, views)?;
-        let definition = Self { name: name.to_owned(), recipe, kind: Kind::Likeness { nuisance, dims } };
+        let feature_set = FeatureSet::new(if pooled { FeatureForm::Pooled } else { FeatureForm::Roots }, views)?;
+        let definition = Self { name: name.to_owned(), feature_set, kind: SpaceKind::Likeness { nuisance, dims } };
         definition.check()?;
         Ok(definition)
     }
@@ -98,7 +99,7 @@ impl Definition {
         if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(allowed) {
             return Err(SpaceError::Name { found: self.name.clone() });
         }
-        if let Kind::Likeness { nuisance, dims } = self.kind {
+        if let SpaceKind::Likeness { nuisance, dims } = self.kind {
             if !nuisance.is_finite() || nuisance < 0.0 {
                 return Err(SpaceError::Weight { found: nuisance });
             }
@@ -112,45 +113,49 @@ impl Definition {
     /// The same on those of its views that are among `views`: what a store can answer that keeps only these. `None`
     /// where it has none of them.
     pub fn restricted_to(&self, views: &[View]) -> Option<Self> {
-        let kept: Vec<View> = self.recipe.views().iter().copied().filter(|view| views.contains(view)).collect();
-        let recipe = Recipe::new(self.recipe.form(), &kept).ok()?;
-        Some(Self { name: self.name.clone(), recipe, kind: self.kind })
+        let kept: Vec<View> = self.feature_set.views().iter().copied().filter(|view| views.contains(view)).collect();
+        let feature_set = FeatureSet::new(self.feature_set.form(), &kept).ok()?;
+        Some(Self { name: self.name.clone(), feature_set, kind: self.kind })
     }
 
     /// The distance.
     pub fn metric(&self) -> Metric {
         match self.kind {
-            Kind::Histogram | Kind::Intersection => Metric::L1,
-            Kind::ZScore | Kind::Likeness { .. } => Metric::L2,
+            SpaceKind::Histogram | SpaceKind::Intersection => Metric::L1,
+            SpaceKind::ZScore | SpaceKind::Likeness { .. } => Metric::L2,
         }
     }
 
     /// How many coordinates a point has.
     pub fn dims(&self) -> usize {
         match self.kind {
-            Kind::Likeness { dims, .. } => dims,
-            _ => self.recipe.dims(),
+            SpaceKind::Likeness { dims, .. } => dims,
+            _ => self.feature_set.dims(),
         }
     }
 
     /// Whether fitting looks at statistics. `paper` has nothing to fit.
     pub fn is_fitted(&self) -> bool {
-        matches!(self.kind, Kind::ZScore | Kind::Likeness { .. })
+        matches!(self.kind, SpaceKind::ZScore | SpaceKind::Likeness { .. })
     }
 
     /// The formula of the points and the distance, in one paragraph.
     pub fn formula(&self) -> String {
-        let features = match self.recipe.form() {
-            Form::Moments => "x = moments",
-            Form::Roots => "x = degree roots of the moments",
-            Form::Pooled => "x = mean and deviation, over each of the 18 orbits, of the degree roots of the moments",
+        let features = match self.feature_set.form() {
+            FeatureForm::Moments => "x = moments",
+            FeatureForm::Roots => "x = degree roots of the moments",
+            FeatureForm::Pooled => {
+                "x = mean and deviation, over each of the 18 orbits, of the degree roots of the moments"
+            }
         };
-        let views: Vec<&str> = self.recipe.views().iter().map(|view| view.name()).collect();
+        let views: Vec<&str> = self.feature_set.views().iter().map(|view| view.name()).collect();
         let point = match self.kind {
-            Kind::Histogram => "point = x * 255^cells, the sums per window".to_owned(),
-            Kind::Intersection => "h = x * 255^cells; point = h / (2 sum h), so that L1 is 1 - sum of min".to_owned(),
-            Kind::ZScore => "point = (x - mean) / sd".to_owned(),
-            Kind::Likeness { nuisance, dims } => format!(
+            SpaceKind::Histogram => "point = x * 255^cells, the sums per window".to_owned(),
+            SpaceKind::Intersection => {
+                "h = x * 255^cells; point = h / (2 sum h), so that L1 is 1 - sum of min".to_owned()
+            }
+            SpaceKind::ZScore => "point = (x - mean) / sd".to_owned(),
+            SpaceKind::Likeness { nuisance, dims } => format!(
                 "z = (x - mean) / sd; V = eigenvectors of the scatter T of z / sqrt(eigenvalue); V' (O + {nuisance} N) V \
                  = Q L Q' with octant scatter O and nuisance scatter N; point = z V Q / sqrt(L + 0.02), the {dims} \
                  coordinates of least L, scaled to unit length"
@@ -192,7 +197,7 @@ mod tests {
     fn a_store_with_fewer_views_gets_the_rest_of_the_recipe() {
         let default = Definition::built_in("default").unwrap();
         let rest = default.restricted_to(&[View::Full, View::Detail]).unwrap();
-        assert_eq!((rest.recipe.key().as_str(), rest.dims()), ("pooled:detail@1", 32));
+        assert_eq!((rest.feature_set.key().as_str(), rest.dims()), ("pooled:detail@1", 32));
         assert!(default.restricted_to(&[View::Full]).is_none());
         assert_eq!(default.restricted_to(&View::DEFAULT_STORED).unwrap(), default);
     }

@@ -18,7 +18,7 @@ pub enum SpaceError {
         /// What was found.
         value: f32,
     },
-    /// A recipe without views.
+    /// A feature set without views.
     #[error("a space needs at least one view")]
     NoViews,
     /// A space's name that cannot be a name.
@@ -41,19 +41,21 @@ pub enum SpaceError {
         /// What was asked for.
         found: f64,
     },
-    /// Features or statistics of another recipe than the one that is needed.
+    /// Features or statistics of another feature set than the one that is needed.
     #[error("these are features of {found}, but {expected} is needed")]
-    Recipe {
-        /// The recipe that is needed.
+    FeatureSet {
+        /// The feature set that is needed.
         expected: String,
-        /// The recipe that was given.
+        /// The feature set that was given.
         found: String,
     },
     /// More was taken away than was ever added.
-    #[error("a texture was taken from the statistics of {recipe} that they do not hold: rebuild them with reindex")]
+    #[error(
+        "a texture was taken from the statistics of {feature_set} that they do not hold: rebuild them with reindex"
+    )]
     Overdrawn {
-        /// The recipe of the statistics.
-        recipe: String,
+        /// The feature set of the statistics.
+        feature_set: String,
     },
     /// Stored bytes that are not what they should be.
     #[error("the stored {what} cannot be read ({found}): rebuild it with reindex")]

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::fitted::{Map, present};
-use super::linear::dot;
-use super::{Features, Metric, Part, Recipe, Space, SpaceError};
+use super::linalg::dot;
+use super::{FeaturePart, FeatureSet, Features, Metric, Space, SpaceError};
 use crate::hlac::{MASKS, View, orbits};
 
 /// The distance between two textures, taken apart by view, by number of cells and by orbit.
@@ -28,12 +28,12 @@ pub struct Explanation {
     /// The shares of masks of one, two and three cells.
     pub cells: [f64; 3],
     /// One share for each orbit of each view and each aspect of it, the largest in absolute value first.
-    pub orbits: Vec<Share>,
+    pub orbits: Vec<OrbitShare>,
 }
 
 /// What one orbit of one view does to the distance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Share {
+pub struct OrbitShare {
     /// The view.
     pub view: View,
     /// The orbit, 0 to 17.
@@ -50,7 +50,7 @@ impl Space {
     /// Takes the distance between two textures apart.
     ///
     /// # Errors
-    /// [`SpaceError::Recipe`] for features of another number than the recipe's.
+    /// [`SpaceError::FeatureSet`] for features of another number than the feature set's.
     pub fn explain(&self, a: &Features, b: &Features) -> Result<Explanation, SpaceError> {
         let terms = self.terms(a, b)?;
         let total: f64 = terms.iter().sum();
@@ -59,12 +59,12 @@ impl Space {
             Metric::L2 => total.max(0.0).sqrt(),
         };
         let shares: Vec<f64> = terms.iter().map(|term| if total > 0.0 { term / total } else { 0.0 }).collect();
-        let recipe = self.recipe();
-        let per_view = recipe.form().per_view();
-        let views = recipe.views().iter().zip(shares.chunks_exact(per_view));
+        let feature_set = self.feature_set();
+        let per_view = feature_set.form().per_view();
+        let views = feature_set.views().iter().zip(shares.chunks_exact(per_view));
         let mut cells = [0.0; 3];
         for (at, share) in shares.iter().enumerate() {
-            if let Some(feature) = recipe.feature(at) {
+            if let Some(feature) = feature_set.feature(at) {
                 cells[MASKS[usize::from(feature.part.mask())].order() - 1] += share;
             }
         }
@@ -73,7 +73,7 @@ impl Space {
             total,
             views: views.map(|(&view, shares)| (view, shares.iter().sum())).collect(),
             cells,
-            orbits: by_orbit(recipe, &shares),
+            orbits: by_orbit(feature_set, &shares),
         })
     }
 
@@ -85,7 +85,7 @@ impl Space {
             let (unit_a, unit_b) = (inverse(self.length(&raw_a)), inverse(self.length(&raw_b)));
             let apart: Vec<f64> = raw_a.iter().zip(&raw_b).map(|(a, b)| a * unit_a - b * unit_b).collect();
             let centred = |x: Option<f64>, mean: f64| x.map_or(0.0, |x| x - mean);
-            let pairs = present(self.recipe(), a).zip(present(self.recipe(), b)).zip(&projection.mean);
+            let pairs = present(self.feature_set(), a).zip(present(self.feature_set(), b)).zip(&projection.mean);
             let terms = pairs.enumerate().map(|(feature, ((a, b), &mean))| {
                 let difference = centred(a, mean) * unit_a - centred(b, mean) * unit_b;
                 difference * dot(projection.weights.row(feature), &apart)
@@ -102,14 +102,14 @@ impl Space {
 }
 
 /// The shares of each orbit, the largest first.
-fn by_orbit(recipe: &Recipe, shares: &[f64]) -> Vec<Share> {
-    let mut orbits: Vec<Share> = Vec::new();
+fn by_orbit(feature_set: &FeatureSet, shares: &[f64]) -> Vec<OrbitShare> {
+    let mut orbits: Vec<OrbitShare> = Vec::new();
     for (at, &share) in shares.iter().enumerate() {
-        let Some(feature) = recipe.feature(at) else { continue };
+        let Some(feature) = feature_set.feature(at) else { continue };
         let aspect = match feature.part {
-            Part::Mask(_) => "masks",
-            Part::Mean(_) => "mean",
-            Part::Deviation(_) => "deviation",
+            FeaturePart::Mask(_) => "masks",
+            FeaturePart::Mean(_) => "mean",
+            FeaturePart::Deviation(_) => "deviation",
         };
         let (view, orbit) = (feature.view, feature.part.orbit());
         match orbits.iter_mut().find(|other| (other.view, other.orbit, other.aspect) == (view, orbit, aspect)) {
@@ -117,7 +117,7 @@ fn by_orbit(recipe: &Recipe, shares: &[f64]) -> Vec<Share> {
             None => {
                 let members = orbits::members(usize::from(orbit));
                 let masks = members.iter().map(|&mask| MASKS[usize::from(mask)].letters()).collect();
-                orbits.push(Share { view, orbit, aspect, masks, share });
+                orbits.push(OrbitShare { view, orbit, aspect, masks, share });
             }
         }
     }
@@ -136,9 +136,9 @@ mod tests {
         let textures: Vec<_> = (0..30).map(described).collect();
         for name in Definition::BUILT_IN {
             let definition = Definition::built_in(name).unwrap();
-            let own = statistics(&definition.recipe, &textures);
+            let own = statistics(&definition.feature_set, &textures);
             let space = Space::fit(&definition, &own, None, &Prior::none()).unwrap();
-            let [a, b] = [3, 8].map(|at: usize| features(&definition.recipe, &textures[at]));
+            let [a, b] = [3, 8].map(|at: usize| features(&definition.feature_set, &textures[at]));
             let explained = space.explain(&a, &b).unwrap();
             let pairs = space.point(&a).unwrap().into_iter().zip(space.point(&b).unwrap());
             let differences = pairs.map(|(a, b)| (f64::from(a) - f64::from(b)).abs());
@@ -163,9 +163,9 @@ mod tests {
     fn orbits_are_named_by_their_letters() {
         let textures: Vec<_> = (0..3).map(described).collect();
         let definition = Definition::built_in("zscore").unwrap();
-        let own = statistics(&definition.recipe, &textures);
+        let own = statistics(&definition.feature_set, &textures);
         let space = Space::fit(&definition, &own, None, &Prior::none()).unwrap();
-        let [a, b] = [0, 1].map(|at: usize| features(&definition.recipe, &textures[at]));
+        let [a, b] = [0, 1].map(|at: usize| features(&definition.feature_set, &textures[at]));
         let explained = space.explain(&a, &b).unwrap();
         assert_eq!(explained.orbits.len(), orbits::ORBIT_COUNT);
         let pairs = explained.orbits.iter().find(|orbit| orbit.orbit == 1).unwrap();

@@ -1,8 +1,8 @@
 //! The fit: from statistics to the directions that vary much between textures and little within one.
 
 use super::definition::MAX_DIMS;
-use super::linear::{Eigen, Matrix, axpy};
-use super::{Nuisance, Statistics};
+use super::linalg::{Eigen, Matrix, axpy};
+use super::{NuisanceStatistics, Statistics};
 
 /// A feature whose standard deviation is not above this is constant: what is left is its quantisation.
 const CONSTANT: f64 = 1e-9;
@@ -28,8 +28,12 @@ pub(super) struct Model {
 impl Model {
     /// A store's own statistics and a prior that counts as `weight` textures. A nuisance scatter of the store's own
     /// takes the place of the prior's.
-    pub(super) fn combine(own: &Statistics, nuisance: Option<&Nuisance>, prior: Option<(f64, &Model)>) -> Self {
-        let dims = own.recipe().dims();
+    pub(super) fn combine(
+        own: &Statistics,
+        nuisance: Option<&NuisanceStatistics>,
+        prior: Option<(f64, &Model)>,
+    ) -> Self {
+        let dims = own.feature_set().dims();
         let (count, octants) = (own.count() as f64, own.octant_count() as f64);
         let (mut mean, mut between) = (own.mean(), own.between());
         let mut within = own.within().unwrap_or(Matrix::zero(dims, dims));
@@ -179,7 +183,7 @@ mod tests {
         Matrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)])
     }
 
-    /// The recipe as it reads, on another eigensolver: the squared distance between two points, not of unit length.
+    /// The formula as it is written, on another eigensolver: the squared distance between two points, not of unit length.
     fn reference(model: &[DMatrix<f64>; 3], weight: f64, dims: usize, difference: &DVector<f64>) -> f64 {
         let scale = model[0].diagonal().map(|variance| if variance > 0.0 { variance.sqrt().recip() } else { 0.0 });
         let scale = DMatrix::from_diagonal(&scale);

@@ -2,9 +2,12 @@
 
 use super::bytes::{Header, Reader, Writer};
 use super::fit::{Model, Projection, inverse_deviation};
-use super::linear::Matrix;
+use super::linalg::Matrix;
 use super::statistics::{read_recipe, write_recipe};
-use super::{Definition, Feature, Features, Form, Kind, Metric, Nuisance, Prior, Recipe, SpaceError, Statistics};
+use super::{
+    Definition, Feature, FeatureForm, FeatureSet, Features, Metric, NuisanceStatistics, Prior, SpaceError, SpaceKind,
+    Statistics,
+};
 use crate::hlac::{MASK_COUNT, MASKS, View};
 
 const SPACE: Header = Header { what: "space", magic: *b"hSpa", version: 1 };
@@ -22,10 +25,10 @@ const NAMED: usize = 3;
 /// use hlacdb::space::{Definition, Prior, Space, Statistics};
 /// use hlacdb::volume::Volume;
 /// let definition = Definition::built_in("paper").ok_or("no such space")?;
-/// let space = Space::fit(&definition, &Statistics::new(&definition.recipe), None, &Prior::none())?;
-/// let described = hlacdb::describe(&Volume::new([4, 4, 4], 1, vec![2; 64])?, definition.recipe.views());
+/// let space = Space::fit(&definition, &Statistics::new(&definition.feature_set), None, &Prior::none())?;
+/// let described = hlacdb::describe(&Volume::new([4, 4, 4], 1, vec![2; 64])?, definition.feature_set.views());
 /// let moments = described[0].1.total().descriptor();
-/// let point = space.point(&space.recipe().features(|_| Some(&moments))?)?;
+/// let point = space.point(&space.feature_set().features(|_| Some(&moments))?)?;
 /// assert_eq!(point[0], 2.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -59,35 +62,37 @@ struct Origin {
 }
 
 impl Space {
-    /// Fits a definition on a store's statistics (of the definition's recipe) and a prior. Nuisance statistics of the
+    /// Fits a definition on a store's statistics (of the definition's feature set) and a prior. Nuisance statistics of the
     /// store's own, where given, take the place of the prior's.
     ///
     /// Any statistics will do: with those of no texture the prior carries the space; with neither, all points are the
     /// origin. The epoch is 0: see [`Space::with_epoch`].
     ///
     /// # Errors
-    /// Those of [`Definition::check`]; [`SpaceError::Recipe`] for statistics of another recipe.
+    /// Those of [`Definition::check`]; [`SpaceError::FeatureSet`] for statistics of another feature set.
     pub fn fit(
         definition: &Definition,
         statistics: &Statistics,
-        nuisance: Option<&Nuisance>,
+        nuisance: Option<&NuisanceStatistics>,
         prior: &Prior,
     ) -> Result<Self, SpaceError> {
         definition.check()?;
-        for found in [Some(statistics.recipe()), nuisance.map(Nuisance::recipe)].into_iter().flatten() {
-            if *found != definition.recipe {
-                return Err(SpaceError::Recipe { expected: definition.recipe.key(), found: found.key() });
+        for found in
+            [Some(statistics.feature_set()), nuisance.map(NuisanceStatistics::feature_set)].into_iter().flatten()
+        {
+            if *found != definition.feature_set {
+                return Err(SpaceError::FeatureSet { expected: definition.feature_set.key(), found: found.key() });
             }
         }
         let map = match definition.kind {
-            Kind::Histogram => Map::Histogram { share: false },
-            Kind::Intersection => Map::Histogram { share: true },
-            Kind::ZScore => {
+            SpaceKind::Histogram => Map::Histogram { share: false },
+            SpaceKind::Intersection => Map::Histogram { share: true },
+            SpaceKind::ZScore => {
                 let scale = statistics.deviation().iter().map(|d| inverse_deviation(d * d)).collect();
                 Map::Scaled { mean: statistics.mean(), scale }
             }
-            Kind::Likeness { nuisance: weight, dims } => {
-                let known = prior.model(&definition.recipe);
+            SpaceKind::Likeness { nuisance: weight, dims } => {
+                let known = prior.model(&definition.feature_set);
                 let known = known.as_ref().map(|model| (prior.weight(), model));
                 Map::Likeness(Projection::fit(Model::combine(statistics, nuisance, known), weight, dims))
             }
@@ -117,8 +122,8 @@ impl Space {
     }
 
     /// The features it looks at.
-    pub fn recipe(&self) -> &Recipe {
-        &self.definition.recipe
+    pub fn feature_set(&self) -> &FeatureSet {
+        &self.definition.feature_set
     }
 
     /// The distance between points.
@@ -139,13 +144,13 @@ impl Space {
     /// The point of a texture with these features: [`Space::dims`] finite numbers.
     ///
     /// # Errors
-    /// [`SpaceError::Recipe`] for features of another number than the recipe's.
+    /// [`SpaceError::FeatureSet`] for features of another number than the feature set's.
     pub fn point(&self, features: &Features) -> Result<Vec<f32>, SpaceError> {
         Ok(self.exact_point(features)?.iter().map(|&coordinate| coordinate as f32).collect())
     }
 
     /// The points of many textures, one after the other: `moments(row, view)` are the moments of a view of texture
-    /// `row`, as [`Recipe::features`] takes them.
+    /// `row`, as [`FeatureSet::features`] takes them.
     ///
     /// # Errors
     /// [`SpaceError::NotAMoment`].
@@ -156,7 +161,7 @@ impl Space {
     ) -> Result<Vec<f32>, SpaceError> {
         let mut points = Vec::with_capacity(rows * self.dims());
         for row in 0..rows {
-            let features = self.recipe().features(|view| moments(row, view))?;
+            let features = self.feature_set().features(|view| moments(row, view))?;
             points.extend(self.exact_point(&features)?.iter().map(|&coordinate| coordinate as f32));
         }
         Ok(points)
@@ -176,16 +181,16 @@ impl Space {
 
     /// The point before it is scaled to unit length.
     pub(super) fn raw_point(&self, features: &Features) -> Result<Vec<f64>, SpaceError> {
-        let recipe = self.recipe();
-        if features.values().len() != recipe.dims() {
+        let feature_set = self.feature_set();
+        if features.values().len() != feature_set.dims() {
             let found = format!("{} numbers", features.values().len());
-            return Err(SpaceError::Recipe { expected: recipe.key(), found });
+            return Err(SpaceError::FeatureSet { expected: feature_set.key(), found });
         }
-        let present = present(recipe, features);
+        let present = present(feature_set, features);
         Ok(match &self.map {
             Map::Histogram { share } => {
                 let mut point: Vec<f64> =
-                    features.values().iter().enumerate().map(|(at, x)| x * bin(recipe, at)).collect();
+                    features.values().iter().enumerate().map(|(at, x)| x * bin(feature_set, at)).collect();
                 let total: f64 = point.iter().sum();
                 if *share && total > 0.0 {
                     point.iter_mut().for_each(|bin| *bin /= 2.0 * total);
@@ -206,11 +211,11 @@ impl Space {
     }
 
     /// The axes of a likeness space, by falling variance, and what they mean; none for other spaces.
-    pub fn axes(&self) -> Vec<Axis> {
+    pub fn axes(&self) -> Vec<SpaceAxis> {
         let Map::Likeness(projection) = &self.map else { return Vec::new() };
         let total: f64 = projection.variances.iter().sum();
         let real = projection.variances.iter().enumerate().filter(|(_, variance)| **variance > 0.0);
-        real.map(|(at, &variance)| Axis {
+        real.map(|(at, &variance)| SpaceAxis {
             variance: variance / total,
             views: self.view_shares(projection, at),
             features: self.named_features(projection, at),
@@ -220,35 +225,35 @@ impl Space {
 
     /// Each view's share of the variance of a coordinate: the covariance of its part of the sum with the whole.
     fn view_shares(&self, projection: &Projection, axis: usize) -> Vec<(View, f64)> {
-        let recipe = self.recipe();
-        let per_view = recipe.form().per_view();
+        let feature_set = self.feature_set();
+        let per_view = feature_set.form().per_view();
         let deviation = projection.variances[axis].sqrt();
         let share = |feature: usize| {
             // weight * sd of the feature * correlation * sd of the coordinate, by the variance of the coordinate.
             let weight = projection.weights[(feature, axis)] * projection.deviations[feature];
             weight * projection.correlations[(feature, axis)] / deviation
         };
-        let views = recipe.views().iter().enumerate();
+        let views = feature_set.views().iter().enumerate();
         views.map(|(at, &view)| (view, (at * per_view..(at + 1) * per_view).map(share).sum())).collect()
     }
 
     /// The features that go most with a coordinate.
     fn named_features(&self, projection: &Projection, axis: usize) -> Vec<(Feature, f64)> {
         let correlation = |feature: usize| projection.correlations[(feature, axis)];
-        let mut features: Vec<usize> = (0..self.recipe().dims()).collect();
+        let mut features: Vec<usize> = (0..self.feature_set().dims()).collect();
         features.sort_by(|&a, &b| correlation(b).abs().total_cmp(&correlation(a).abs()).then(a.cmp(&b)));
         let named = features.into_iter().take(NAMED);
-        named.filter_map(|at| Some((self.recipe().feature(at)?, correlation(at)))).collect()
+        named.filter_map(|at| Some((self.feature_set().feature(at)?, correlation(at)))).collect()
     }
 
     /// How far a store's statistics are from those that the space was fitted on; `None` for spaces that are not
     /// fitted, and where one of the two counts no texture and there is no prior.
     ///
     /// # Errors
-    /// [`SpaceError::Recipe`].
+    /// [`SpaceError::FeatureSet`].
     pub fn drift(&self, now: &Statistics) -> Result<Option<Drift>, SpaceError> {
-        if now.recipe() != self.recipe() {
-            return Err(SpaceError::Recipe { expected: self.recipe().key(), found: now.recipe().key() });
+        if now.feature_set() != self.feature_set() {
+            return Err(SpaceError::FeatureSet { expected: self.feature_set().key(), found: now.feature_set().key() });
         }
         let then = &self.origin;
         let total = |variances: &[f64]| variances.iter().sum::<f64>();
@@ -268,19 +273,19 @@ impl Space {
 
     /// The bytes that [`Space::decode`] reads: versioned and checked, the same for the same space.
     ///
-    /// Name as a list of bytes; recipe (form u8, views as a list of u8 codes); kind u8 (0 histogram, 1 intersection,
+    /// Name as a list of bytes; feature set (form u8, views as a list of u8 codes); kind u8 (0 histogram, 1 intersection,
     /// 2 z-score, 3 likeness: then nuisance weight f64 and dims u32); epoch u64; count u64, mean and variances at the
     /// fit as lists of f64; then for z-score: mean and scale, for likeness: mean, weights, correlations, deviations and
     /// variances, as lists of f64, matrices row-major with a row a feature.
     pub fn encode(&self) -> Vec<u8> {
         let mut writer = Writer::new(SPACE);
         writer.bytes(self.definition.name.as_bytes());
-        write_recipe(&mut writer, &self.definition.recipe);
+        write_recipe(&mut writer, &self.definition.feature_set);
         match self.definition.kind {
-            Kind::Histogram => writer.u8(0),
-            Kind::Intersection => writer.u8(1),
-            Kind::ZScore => writer.u8(2),
-            Kind::Likeness { nuisance, dims } => {
+            SpaceKind::Histogram => writer.u8(0),
+            SpaceKind::Intersection => writer.u8(1),
+            SpaceKind::ZScore => writer.u8(2),
+            SpaceKind::Likeness { nuisance, dims } => {
                 writer.u8(3);
                 writer.f64(nuisance);
                 writer.u32(dims as u32);
@@ -311,24 +316,24 @@ impl Space {
     pub fn decode(bytes: &[u8]) -> Result<Self, SpaceError> {
         let mut reader = Reader::new(SPACE, bytes)?;
         let name = str::from_utf8(reader.bytes()?).map_err(|_| reader.damaged("its name is no text"))?.to_owned();
-        let recipe = read_recipe(&mut reader)?;
+        let feature_set = read_recipe(&mut reader)?;
         let kind = match reader.u8()? {
-            0 => Kind::Histogram,
-            1 => Kind::Intersection,
-            2 => Kind::ZScore,
-            3 => Kind::Likeness { nuisance: reader.f64()?, dims: reader.u32()? as usize },
+            0 => SpaceKind::Histogram,
+            1 => SpaceKind::Intersection,
+            2 => SpaceKind::ZScore,
+            3 => SpaceKind::Likeness { nuisance: reader.f64()?, dims: reader.u32()? as usize },
             _ => return Err(reader.damaged("it is of an unknown kind")),
         };
-        let definition = Definition { name, recipe, kind };
+        let definition = Definition { name, feature_set, kind };
         definition.check().map_err(|_| reader.damaged("its definition is impossible"))?;
-        let (features, dims) = (definition.recipe.dims(), definition.dims());
+        let (features, dims) = (definition.feature_set.dims(), definition.dims());
         let epoch = reader.u64()?;
         let origin = Origin { count: reader.u64()?, mean: reader.f64s(features)?, variances: reader.f64s(dims)? };
         let map = match kind {
-            Kind::Histogram => Map::Histogram { share: false },
-            Kind::Intersection => Map::Histogram { share: true },
-            Kind::ZScore => Map::Scaled { mean: reader.f64s(features)?, scale: reader.f64s(features)? },
-            Kind::Likeness { .. } => Map::Likeness(Projection {
+            SpaceKind::Histogram => Map::Histogram { share: false },
+            SpaceKind::Intersection => Map::Histogram { share: true },
+            SpaceKind::ZScore => Map::Scaled { mean: reader.f64s(features)?, scale: reader.f64s(features)? },
+            SpaceKind::Likeness { .. } => Map::Likeness(Projection {
                 mean: reader.f64s(features)?,
                 weights: Matrix::from_values(features, dims, reader.f64s(features * dims)?),
                 correlations: Matrix::from_values(features, dims, reader.f64s(features * dims)?),
@@ -374,7 +379,7 @@ impl Origin {
         match map {
             // Nothing is fitted, and so nothing drifts.
             Map::Histogram { .. } => {
-                let zeros = vec![0.0; statistics.recipe().dims()];
+                let zeros = vec![0.0; statistics.feature_set().dims()];
                 Self { count: statistics.count(), mean: zeros.clone(), variances: zeros }
             }
             // Before there are textures, the prior stands for them.
@@ -391,23 +396,26 @@ impl Origin {
 }
 
 /// The features that are there, in order.
-pub(super) fn present<'a>(recipe: &Recipe, features: &'a Features) -> impl Iterator<Item = Option<f64>> + use<'a> {
-    let per_view = recipe.form().per_view();
-    let views: Vec<bool> = recipe.views().iter().map(|view| !features.missing().contains(view)).collect();
+pub(super) fn present<'a>(
+    feature_set: &FeatureSet,
+    features: &'a Features,
+) -> impl Iterator<Item = Option<f64>> + use<'a> {
+    let per_view = feature_set.form().per_view();
+    let views: Vec<bool> = feature_set.views().iter().map(|view| !features.missing().contains(view)).collect();
     features.values().iter().enumerate().map(move |(at, &x)| views[at / per_view].then_some(x))
 }
 
 /// What a moment is multiplied by in the paper's histogram: `255^cells`; 1 for features that are no moments.
-pub(super) fn bin(recipe: &Recipe, feature: usize) -> f64 {
-    match recipe.form() {
-        Form::Moments => f64::from(255_u32.pow(MASKS[feature % MASK_COUNT].order() as u32)),
+pub(super) fn bin(feature_set: &FeatureSet, feature: usize) -> f64 {
+    match feature_set.form() {
+        FeatureForm::Moments => f64::from(255_u32.pow(MASKS[feature % MASK_COUNT].order() as u32)),
         _ => 1.0,
     }
 }
 
 /// One axis of a likeness space.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Axis {
+pub struct SpaceAxis {
     /// Its share of the variance of all coordinates (before the scaling to unit length); the shares add up to 1.
     pub variance: f64,
     /// How much of the axis comes from each view; the shares add up to 1, and one below 0 works against the others.

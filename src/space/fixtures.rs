@@ -1,6 +1,6 @@
 //! Small textures for tests.
 
-use super::{Contribution, Features, Recipe, Statistics};
+use super::{Contribution, FeatureSet, Features, Statistics};
 use crate::hlac::{OctantSums, View};
 use crate::volume::Volume;
 
@@ -26,17 +26,19 @@ pub(super) fn described(seed: u64) -> Vec<(View, OctantSums)> {
     crate::describe(&volume(seed), &View::DEFAULT_STORED)
 }
 
-pub(super) fn features(recipe: &Recipe, described: &[(View, OctantSums)]) -> Features {
+pub(super) fn features(feature_set: &FeatureSet, described: &[(View, OctantSums)]) -> Features {
     let descriptors: Vec<_> = described.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect();
-    recipe.features(|view| descriptors.iter().find(|(other, _)| *other == view).map(|(_, moments)| moments)).unwrap()
+    feature_set
+        .features(|view| descriptors.iter().find(|(other, _)| *other == view).map(|(_, moments)| moments))
+        .unwrap()
 }
 
-pub(super) fn contribution(recipe: &Recipe, described: &[(View, OctantSums)]) -> Contribution {
-    Contribution::of_sums(recipe, described).unwrap().unwrap()
+pub(super) fn contribution(feature_set: &FeatureSet, described: &[(View, OctantSums)]) -> Contribution {
+    Contribution::of_sums(feature_set, described).unwrap().unwrap()
 }
 
-pub(super) fn statistics(recipe: &Recipe, textures: &[Vec<(View, OctantSums)>]) -> Statistics {
-    let mut statistics = Statistics::new(recipe);
-    textures.iter().for_each(|texture| statistics.add(&contribution(recipe, texture)).unwrap());
+pub(super) fn statistics(feature_set: &FeatureSet, textures: &[Vec<(View, OctantSums)>]) -> Statistics {
+    let mut statistics = Statistics::new(feature_set);
+    textures.iter().for_each(|texture| statistics.add(&contribution(feature_set, texture)).unwrap());
     statistics
 }

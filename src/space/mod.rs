@@ -1,6 +1,6 @@
 //! Spaces: from the moments of some views to a point, and what the distance between two points means.
 //!
-//! Vocabulary: a *recipe* ([`Recipe`]) says which numbers of a texture are looked at: its *features*. *Statistics*
+//! Vocabulary: a *feature set* ([`FeatureSet`]) says which numbers of a texture are looked at: its *features*. *Statistics*
 //! ([`Statistics`]) are additive sums over textures, exact to the bit. A *definition* ([`Definition`]) says what a
 //! space is to be; a *space* ([`Space`]) is one fitted on statistics, and turns features into *points*. A *prior*
 //! ([`Prior`]) is what is known about textures before a store has any.
@@ -36,22 +36,23 @@ mod bytes;
 mod definition;
 mod error;
 mod explain;
+mod feature_set;
 mod fit;
 mod fitted;
 #[cfg(test)]
 mod fixtures;
-mod linear;
+mod linalg;
+mod metric;
 pub mod prior;
-mod recipe;
 mod roots;
 mod scatter;
 mod statistics;
 
-pub use crate::metric::Metric;
-pub use definition::{Definition, Kind, MAX_DIMS};
+pub use definition::{Definition, MAX_DIMS, SpaceKind};
 pub use error::SpaceError;
-pub use explain::{Explanation, Share};
-pub use fitted::{Axis, Drift, Space};
+pub use explain::{Explanation, OrbitShare};
+pub use feature_set::{Feature, FeatureForm, FeaturePart, FeatureSet, Features};
+pub use fitted::{Drift, Space, SpaceAxis};
+pub use metric::{Metric, UnknownMetric};
 pub use prior::Prior;
-pub use recipe::{Feature, Features, Form, Part, Recipe};
-pub use statistics::{Contribution, Nuisance, Statistics};
+pub use statistics::{Contribution, NuisanceStatistics, Statistics};

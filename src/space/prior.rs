@@ -4,7 +4,7 @@
 //! shipped with the program ([`Prior::shipped`]); `cargo run --release --example fit_prior` makes the shipped one anew.
 //! It has what likeness spaces need: mean, `T`, `O` and `N` of the pooled features of `full@1` and the seven views of
 //! likeness (and so of any part of these eight: a store of imported `full@1` alone has its prior too), and mean, `T` and
-//! `O` of the degree roots of `stretch@1`. Other recipes have no prior: their spaces are fitted on the store's own
+//! `O` of the degree roots of `stretch@1`. Other feature sets have no prior: their spaces are fitted on the store's own
 //! statistics alone.
 //!
 //! In a likeness fit the prior counts as [`WEIGHT`] textures, and its octants as theirs. The weight was chosen on
@@ -44,9 +44,9 @@ use std::sync::{Arc, LazyLock, OnceLock};
 
 use super::bytes::{Header, Reader, Writer};
 use super::fit::{Model, inverse_deviation};
-use super::linear::{Eigen, Matrix};
+use super::linalg::{Eigen, Matrix};
 use super::scatter::Scatter;
-use super::{Contribution, Form, Nuisance, Recipe, SpaceError, Statistics};
+use super::{Contribution, FeatureForm, FeatureSet, NuisanceStatistics, SpaceError, Statistics};
 use crate::hlac::MASK_COUNT;
 use crate::hlac::orbits::{ORBIT_COUNT, ORBIT_OF, members, symmetries};
 use crate::volume::Volume;
@@ -105,18 +105,18 @@ impl Prior {
         self.known.as_ref().map_or(0, |known| known.textures)
     }
 
-    /// Whether something is known about the features of a recipe.
-    pub fn knows(&self, recipe: &Recipe) -> bool {
-        self.known.is_some() && (*recipe == Recipe::oriented() || selection(recipe).is_some())
+    /// Whether something is known about the features of a feature set.
+    pub fn knows(&self, feature_set: &FeatureSet) -> bool {
+        self.known.is_some() && (*feature_set == FeatureSet::oriented() || selection(feature_set).is_some())
     }
 
-    /// What is known about the features of a recipe.
-    pub(super) fn model(&self, recipe: &Recipe) -> Option<Model> {
+    /// What is known about the features of a feature set.
+    pub(super) fn model(&self, feature_set: &FeatureSet) -> Option<Model> {
         let known = self.known.as_ref()?;
-        if *recipe == Recipe::oriented() {
+        if *feature_set == FeatureSet::oriented() {
             return Some(known.oriented_model.get_or_init(|| known.oriented()).clone());
         }
-        let selection = selection(recipe)?;
+        let selection = selection(feature_set)?;
         Some(known.pooled_model.get_or_init(|| known.pooled()).select(&selection))
     }
 
@@ -126,7 +126,7 @@ impl Prior {
     /// [`SpaceError::Damaged`], [`SpaceError::Version`].
     pub fn decode(bytes: &[u8]) -> Result<Self, SpaceError> {
         let mut reader = Reader::new(PRIOR, bytes)?;
-        let dims = Recipe::stored().dims();
+        let dims = FeatureSet::stored().dims();
         let triangle = Scatter::length(dims);
         let pairs = PairOrbits::new().count;
         let textures = reader.u64()?;
@@ -146,14 +146,14 @@ impl Prior {
     }
 }
 
-/// Where the features of a recipe are among those of [`Recipe::stored`].
-fn selection(recipe: &Recipe) -> Option<Vec<usize>> {
-    let all = Recipe::stored();
-    let width = Form::Pooled.per_view();
-    if recipe.form() != Form::Pooled {
+/// Where the features of a feature set are among those of [`FeatureSet::stored`].
+fn selection(feature_set: &FeatureSet) -> Option<Vec<usize>> {
+    let all = FeatureSet::stored();
+    let width = FeatureForm::Pooled.per_view();
+    if feature_set.form() != FeatureForm::Pooled {
         return None;
     }
-    let places = recipe.views().iter().map(|view| all.views().iter().position(|other| other == view));
+    let places = feature_set.views().iter().map(|view| all.views().iter().position(|other| other == view));
     let places = places.collect::<Option<Vec<_>>>()?;
     Some(places.into_iter().flat_map(|place| place * width..(place + 1) * width).collect())
 }
@@ -241,16 +241,16 @@ impl PairOrbits {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Observations {
     pooled: Statistics,
-    nuisance: Nuisance,
+    nuisance: NuisanceStatistics,
     oriented: Statistics,
 }
 
 impl Default for Observations {
     fn default() -> Self {
         Self {
-            pooled: Statistics::new(&Recipe::stored()),
-            nuisance: Nuisance::new(&Recipe::stored()),
-            oriented: Statistics::new(&Recipe::oriented()),
+            pooled: Statistics::new(&FeatureSet::stored()),
+            nuisance: NuisanceStatistics::new(&FeatureSet::stored()),
+            oriented: Statistics::new(&FeatureSet::oriented()),
         }
     }
 }
@@ -262,16 +262,16 @@ impl Observations {
     /// # Errors
     /// None that volumes can give.
     pub fn add(&mut self, texture: &Volume, copies: &[Volume]) -> Result<(), SpaceError> {
-        let recipe = Recipe::stored();
-        let described = crate::describe(texture, recipe.views());
-        let oriented = Contribution::of_sums(&Recipe::oriented(), &described)?;
-        let (Some(pooled), Some(oriented)) = (Contribution::of_sums(&recipe, &described)?, oriented) else {
+        let feature_set = FeatureSet::stored();
+        let described = crate::describe(texture, feature_set.views());
+        let oriented = Contribution::of_sums(&FeatureSet::oriented(), &described)?;
+        let (Some(pooled), Some(oriented)) = (Contribution::of_sums(&feature_set, &described)?, oriented) else {
             return Ok(());
         };
         self.pooled.add(&pooled)?;
         self.oriented.add(&oriented)?;
         for copy in copies {
-            if let Some(copy) = Contribution::of_sums(&recipe, &crate::describe(copy, recipe.views()))? {
+            if let Some(copy) = Contribution::of_sums(&feature_set, &crate::describe(copy, feature_set.views()))? {
                 self.nuisance.add(&pooled, &copy)?;
             }
         }
@@ -281,7 +281,7 @@ impl Observations {
     /// Adds what other textures gave.
     ///
     /// # Errors
-    /// None: the recipes are the same.
+    /// None: the feature sets are the same.
     pub fn merge(&mut self, other: &Self) -> Result<(), SpaceError> {
         self.pooled.merge(&other.pooled)?;
         self.nuisance.merge(&other.nuisance)?;

@@ -4,13 +4,13 @@
 //! or of products of two, in 128 bits. So the order of additions does not matter, parts can be merged, and a texture
 //! that is taken back leaves not a trace, to the bit.
 //!
-//! What is kept depends on the recipe: moments come with their lowest and highest values, roots and pooled roots with
-//! the scatter of the textures' octants. Textures that lack a view of the recipe are not counted.
+//! What is kept depends on the feature set: moments come with their lowest and highest values, roots and pooled roots with
+//! the scatter of the textures' octants. Textures that lack a view of the feature set are not counted.
 
 use super::bytes::{Header, Reader, Writer};
-use super::linear::Matrix;
+use super::linalg::Matrix;
 use super::scatter::{Scatter, Sign};
-use super::{Features, Form, Recipe, SpaceError};
+use super::{FeatureForm, FeatureSet, Features, SpaceError};
 use crate::hlac::{MASK_COUNT, OctantSums, View};
 use crate::volume::Volume;
 
@@ -28,10 +28,10 @@ fn quantise(feature: f64) -> i64 {
     (feature / UNIT + 0.5) as i64
 }
 
-/// What one texture adds to the statistics of a recipe.
+/// What one texture adds to the statistics of a feature set.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Contribution {
-    recipe: Recipe,
+    feature_set: FeatureSet,
     features: Vec<i64>,
     /// The features of the eight octants.
     octants: Option<Vec<[i64; 8]>>,
@@ -39,44 +39,44 @@ pub struct Contribution {
 
 impl Contribution {
     /// Of features alone; `None` where the texture lacks a view.
-    pub fn of_features(recipe: &Recipe, features: &Features) -> Option<Self> {
+    pub fn of_features(feature_set: &FeatureSet, features: &Features) -> Option<Self> {
         features.is_complete().then(|| Self {
-            recipe: recipe.clone(),
+            feature_set: feature_set.clone(),
             features: features.values().iter().map(|&feature| quantise(feature)).collect(),
             octants: None,
         })
     }
 
-    /// Of moments as [`Recipe::features`] takes them, without octants; `None` where the texture lacks a view.
+    /// Of moments as [`FeatureSet::features`] takes them, without octants; `None` where the texture lacks a view.
     ///
     /// # Errors
     /// [`SpaceError::NotAMoment`].
     pub fn of_moments<'a>(
-        recipe: &Recipe,
+        feature_set: &FeatureSet,
         moments: impl Fn(View) -> Option<&'a [f32; MASK_COUNT]>,
     ) -> Result<Option<Self>, SpaceError> {
-        Ok(Self::of_features(recipe, &recipe.features(moments)?))
+        Ok(Self::of_features(feature_set, &feature_set.features(moments)?))
     }
 
-    /// Of a described texture, with its octants where the recipe's form uses them and every octant has a window;
+    /// Of a described texture, with its octants where the feature set's form uses them and every octant has a window;
     /// `None` where the texture lacks a view. The features are those of the moments as `f32`, as stores keep them.
     ///
     /// # Errors
     /// None that a described volume can give: [`SpaceError::NotAMoment`] for sums that are not of one.
-    pub fn of_sums(recipe: &Recipe, described: &[(View, OctantSums)]) -> Result<Option<Self>, SpaceError> {
+    pub fn of_sums(feature_set: &FeatureSet, described: &[(View, OctantSums)]) -> Result<Option<Self>, SpaceError> {
         let sums_of = |view: View| described.iter().find(|(other, _)| *other == view).map(|(_, sums)| sums);
-        let Some(sums) = recipe.views().iter().map(|&view| sums_of(view)).collect::<Option<Vec<_>>>() else {
+        let Some(sums) = feature_set.views().iter().map(|&view| sums_of(view)).collect::<Option<Vec<_>>>() else {
             return Ok(None);
         };
         let features = |descriptors: Vec<[f32; MASK_COUNT]>| {
-            let at = |view: View| recipe.views().iter().position(|&other| other == view);
-            recipe.features(|view| descriptors.get(at(view)?))
+            let at = |view: View| feature_set.views().iter().position(|&other| other == view);
+            feature_set.features(|view| descriptors.get(at(view)?))
         };
         let whole = features(sums.iter().map(|sums| sums.total().descriptor()).collect())?;
-        let mut contribution = Self::of_features(recipe, &whole);
+        let mut contribution = Self::of_features(feature_set, &whole);
         let has_octants = sums.iter().all(|sums| sums.0.iter().all(|octant| octant.windows > 0));
-        if recipe.form() != Form::Moments && has_octants {
-            let mut octants = vec![[0; 8]; recipe.dims()];
+        if feature_set.form() != FeatureForm::Moments && has_octants {
+            let mut octants = vec![[0; 8]; feature_set.dims()];
             for octant in 0..8 {
                 let part = features(sums.iter().map(|sums| sums.0[octant].descriptor()).collect())?;
                 for (out, &feature) in octants.iter_mut().zip(part.values()) {
@@ -90,9 +90,9 @@ impl Contribution {
         Ok(contribution)
     }
 
-    /// The recipe.
-    pub fn recipe(&self) -> &Recipe {
-        &self.recipe
+    /// The feature set.
+    pub fn feature_set(&self) -> &FeatureSet {
+        &self.feature_set
     }
 }
 
@@ -131,23 +131,23 @@ impl Extremes {
     }
 }
 
-/// Additive statistics of the textures of a store under one recipe.
+/// Additive statistics of the textures of a store under one feature set.
 ///
 /// ```
-/// use hlacdb::space::{Contribution, Recipe, Statistics};
+/// use hlacdb::space::{Contribution, FeatureSet, Statistics};
 /// use hlacdb::volume::Volume;
-/// let recipe = Recipe::plain();
-/// let mut statistics = Statistics::new(&recipe);
+/// let feature_set = FeatureSet::plain();
+/// let mut statistics = Statistics::new(&feature_set);
 /// for level in [0, 255] {
-///     let described = hlacdb::describe(&Volume::new([4, 4, 4], 1, vec![level; 64])?, recipe.views());
-///     statistics.add(&Contribution::of_sums(&recipe, &described)?.ok_or("too small")?)?;
+///     let described = hlacdb::describe(&Volume::new([4, 4, 4], 1, vec![level; 64])?, feature_set.views());
+///     statistics.add(&Contribution::of_sums(&feature_set, &described)?.ok_or("too small")?)?;
 /// }
 /// assert_eq!((statistics.count(), statistics.mean()[0], statistics.deviation()[0]), (2, 0.5, 0.5));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Statistics {
-    recipe: Recipe,
+    feature_set: FeatureSet,
     count: u64,
     sums: Vec<i128>,
     products: Scatter,
@@ -157,11 +157,11 @@ pub struct Statistics {
 
 impl Statistics {
     /// The statistics of no texture.
-    pub fn new(recipe: &Recipe) -> Self {
-        let dims = recipe.dims();
-        let plain = recipe.form() == Form::Moments;
+    pub fn new(feature_set: &FeatureSet) -> Self {
+        let dims = feature_set.dims();
+        let plain = feature_set.form() == FeatureForm::Moments;
         Self {
-            recipe: recipe.clone(),
+            feature_set: feature_set.clone(),
             count: 0,
             sums: vec![0; dims],
             products: Scatter::new(dims),
@@ -170,9 +170,9 @@ impl Statistics {
         }
     }
 
-    /// The recipe.
-    pub fn recipe(&self) -> &Recipe {
-        &self.recipe
+    /// The feature set.
+    pub fn feature_set(&self) -> &FeatureSet {
+        &self.feature_set
     }
 
     /// How many textures are counted.
@@ -188,9 +188,9 @@ impl Statistics {
     /// Counts a texture.
     ///
     /// # Errors
-    /// [`SpaceError::Recipe`].
+    /// [`SpaceError::FeatureSet`].
     pub fn add(&mut self, texture: &Contribution) -> Result<(), SpaceError> {
-        check(&self.recipe, &texture.recipe)?;
+        check(&self.feature_set, &texture.feature_set)?;
         self.count += 1;
         self.apply(texture, Sign::Add);
         if let Some(extremes) = &mut self.extremes {
@@ -202,9 +202,9 @@ impl Statistics {
     /// Counts many textures: the same as [`Statistics::add`] one by one, to the bit, and much quicker.
     ///
     /// # Errors
-    /// [`SpaceError::Recipe`], and nothing is counted.
+    /// [`SpaceError::FeatureSet`], and nothing is counted.
     pub fn add_all<'a>(&mut self, textures: impl Iterator<Item = &'a Contribution> + Clone) -> Result<(), SpaceError> {
-        textures.clone().try_for_each(|texture| check(&self.recipe, &texture.recipe))?;
+        textures.clone().try_for_each(|texture| check(&self.feature_set, &texture.feature_set))?;
         self.products.outer_all(textures.clone().map(|texture| texture.features.as_slice()));
         for texture in textures {
             self.count += 1;
@@ -221,13 +221,13 @@ impl Statistics {
     /// octants stay until the statistics are built anew.
     ///
     /// # Errors
-    /// [`SpaceError::Recipe`]; [`SpaceError::Overdrawn`] where no texture is left to take.
+    /// [`SpaceError::FeatureSet`]; [`SpaceError::Overdrawn`] where no texture is left to take.
     pub fn remove(&mut self, texture: &Contribution) -> Result<(), SpaceError> {
-        check(&self.recipe, &texture.recipe)?;
+        check(&self.feature_set, &texture.feature_set)?;
         let overdrawn =
             self.count == 0 || (texture.octants.is_some() && self.octants.is_some() && self.octant_count() == 0);
         if overdrawn {
-            return Err(SpaceError::Overdrawn { recipe: self.recipe.key() });
+            return Err(SpaceError::Overdrawn { feature_set: self.feature_set.key() });
         }
         self.count -= 1;
         self.apply(texture, Sign::Remove);
@@ -259,9 +259,9 @@ impl Statistics {
     /// Adds the textures that `other` counts.
     ///
     /// # Errors
-    /// [`SpaceError::Recipe`].
+    /// [`SpaceError::FeatureSet`].
     pub fn merge(&mut self, other: &Self) -> Result<(), SpaceError> {
-        check(&self.recipe, &other.recipe)?;
+        check(&self.feature_set, &other.feature_set)?;
         self.count += other.count;
         self.sums.iter_mut().zip(&other.sums).for_each(|(sum, other)| *sum += other);
         self.products += &other.products;
@@ -323,7 +323,7 @@ impl Statistics {
     /// moments have none, and nothing happens. The textures are looked at one after the other, as they come.
     ///
     /// # Errors
-    /// Those that the textures come with; [`SpaceError::Recipe`]; [`SpaceError::Overdrawn`] where it is not as many
+    /// Those that the textures come with; [`SpaceError::FeatureSet`]; [`SpaceError::Overdrawn`] where it is not as many
     /// textures as are counted. The extremes are then as they were.
     pub fn renew_extremes<E: From<SpaceError>>(
         &mut self,
@@ -333,12 +333,12 @@ impl Statistics {
         let mut count = 0;
         for texture in textures {
             let texture = texture?;
-            check(&self.recipe, &texture.recipe)?;
+            check(&self.feature_set, &texture.feature_set)?;
             renewed.add(&texture.features);
             count += 1;
         }
         if count != self.count {
-            return Err(SpaceError::Overdrawn { recipe: self.recipe.key() }.into());
+            return Err(SpaceError::Overdrawn { feature_set: self.feature_set.key() }.into());
         }
         if let Some(extremes) = &mut self.extremes {
             *extremes = renewed;
@@ -348,11 +348,11 @@ impl Statistics {
 
     /// The bytes that [`Statistics::decode`] reads: versioned and checked, the same for the same statistics.
     ///
-    /// Recipe (form u8, views as a list of u8 codes), count u64, sums and products packed; then for moments: 1 where
+    /// Feature set (form u8, views as a list of u8 codes), count u64, sums and products packed; then for moments: 1 where
     /// extremes are exact, else 0 (u8), lowest and highest packed; for other forms: octant count u64, scatter packed.
     pub fn encode(&self) -> Vec<u8> {
         let mut writer = Writer::new(STATISTICS);
-        write_recipe(&mut writer, &self.recipe);
+        write_recipe(&mut writer, &self.feature_set);
         writer.u64(self.count);
         writer.packed(&self.sums);
         writer.packed(self.products.values());
@@ -376,7 +376,7 @@ impl Statistics {
     pub fn decode(bytes: &[u8]) -> Result<Self, SpaceError> {
         let mut reader = Reader::new(STATISTICS, bytes)?;
         let mut statistics = Self::new(&read_recipe(&mut reader)?);
-        let dims = statistics.recipe.dims();
+        let dims = statistics.feature_set.dims();
         statistics.count = reader.u64()?;
         statistics.sums = reader.packed(dims)?;
         statistics.products = read_scatter(&mut reader, dims)?;
@@ -433,25 +433,25 @@ fn symmetric(scatter: &Scatter, value: impl Fn(i128, usize, usize) -> f64) -> Ma
     matrix
 }
 
-fn check(expected: &Recipe, found: &Recipe) -> Result<(), SpaceError> {
+fn check(expected: &FeatureSet, found: &FeatureSet) -> Result<(), SpaceError> {
     if expected == found {
         return Ok(());
     }
-    Err(SpaceError::Recipe { expected: expected.key(), found: found.key() })
+    Err(SpaceError::FeatureSet { expected: expected.key(), found: found.key() })
 }
 
-pub(super) fn write_recipe(writer: &mut Writer, recipe: &Recipe) {
-    writer.u8(recipe.form().code());
-    writer.bytes(&recipe.views().iter().map(|view| view.code()).collect::<Vec<_>>());
+pub(super) fn write_recipe(writer: &mut Writer, feature_set: &FeatureSet) {
+    writer.u8(feature_set.form().code());
+    writer.bytes(&feature_set.views().iter().map(|view| view.code()).collect::<Vec<_>>());
 }
 
-pub(super) fn read_recipe(reader: &mut Reader<'_>) -> Result<Recipe, SpaceError> {
-    let form = Form::from_code(reader.u8()?).ok_or(reader.damaged("it names an unknown form"))?;
+pub(super) fn read_recipe(reader: &mut Reader<'_>) -> Result<FeatureSet, SpaceError> {
+    let form = FeatureForm::from_code(reader.u8()?).ok_or(reader.damaged("it names an unknown form"))?;
     let views: Option<Vec<_>> = reader.bytes()?.iter().map(|&code| View::from_code(code)).collect();
     let views = views.ok_or(reader.damaged("it names an unknown view"))?;
-    // In the one order that a recipe has: the same statistics have the same bytes only.
-    let recipe = Recipe::new(form, &views).ok().filter(|recipe| recipe.views() == views);
-    recipe.ok_or(reader.damaged("its views are not in order"))
+    // In the one order that a feature set has: the same statistics have the same bytes only.
+    let feature_set = FeatureSet::new(form, &views).ok().filter(|feature_set| feature_set.views() == views);
+    feature_set.ok_or(reader.damaged("its views are not in order"))
 }
 
 fn read_scatter(reader: &mut Reader<'_>, dims: usize) -> Result<Scatter, SpaceError> {
@@ -463,21 +463,21 @@ fn read_scatter(reader: &mut Reader<'_>, dims: usize) -> Result<Scatter, SpaceEr
 ///
 /// Additive and exact, like [`Statistics`].
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Nuisance {
-    recipe: Recipe,
+pub struct NuisanceStatistics {
+    feature_set: FeatureSet,
     count: u64,
     scatter: Scatter,
 }
 
-impl Nuisance {
+impl NuisanceStatistics {
     /// Of no pair.
-    pub fn new(recipe: &Recipe) -> Self {
-        Self { recipe: recipe.clone(), count: 0, scatter: Scatter::new(recipe.dims()) }
+    pub fn new(feature_set: &FeatureSet) -> Self {
+        Self { feature_set: feature_set.clone(), count: 0, scatter: Scatter::new(feature_set.dims()) }
     }
 
-    /// The recipe.
-    pub fn recipe(&self) -> &Recipe {
-        &self.recipe
+    /// The feature set.
+    pub fn feature_set(&self) -> &FeatureSet {
+        &self.feature_set
     }
 
     /// How many pairs were seen.
@@ -488,10 +488,10 @@ impl Nuisance {
     /// Counts a texture and a copy of it. Octants are not looked at.
     ///
     /// # Errors
-    /// [`SpaceError::Recipe`].
+    /// [`SpaceError::FeatureSet`].
     pub fn add(&mut self, texture: &Contribution, copy: &Contribution) -> Result<(), SpaceError> {
-        check(&self.recipe, &texture.recipe)?;
-        check(&self.recipe, &copy.recipe)?;
+        check(&self.feature_set, &texture.feature_set)?;
+        check(&self.feature_set, &copy.feature_set)?;
         let difference: Vec<i64> = texture.features.iter().zip(&copy.features).map(|(a, b)| a - b).collect();
         self.scatter.outer(&difference, Sign::Add);
         self.count += 1;
@@ -503,7 +503,8 @@ impl Nuisance {
     /// # Errors
     /// None that volumes can give.
     pub fn observe(&mut self, texture: &Volume, copy: &Volume) -> Result<bool, SpaceError> {
-        let contribution = |volume| Contribution::of_sums(&self.recipe, &crate::describe(volume, self.recipe.views()));
+        let contribution =
+            |volume| Contribution::of_sums(&self.feature_set, &crate::describe(volume, self.feature_set.views()));
         let pair = contribution(texture)?.zip(contribution(copy)?);
         pair.as_ref().map_or(Ok(()), |(texture, copy)| self.add(texture, copy))?;
         Ok(pair.is_some())
@@ -512,9 +513,9 @@ impl Nuisance {
     /// Adds the pairs that `other` counts.
     ///
     /// # Errors
-    /// [`SpaceError::Recipe`].
+    /// [`SpaceError::FeatureSet`].
     pub fn merge(&mut self, other: &Self) -> Result<(), SpaceError> {
-        check(&self.recipe, &other.recipe)?;
+        check(&self.feature_set, &other.feature_set)?;
         self.count += other.count;
         self.scatter += &other.scatter;
         Ok(())
@@ -526,11 +527,11 @@ impl Nuisance {
         symmetric(&self.scatter, |value, _, _| value as f64 * scale)
     }
 
-    /// The bytes that [`Nuisance::decode`] reads: recipe (form u8, views as a list of u8 codes), count u64, scatter
+    /// The bytes that [`NuisanceStatistics::decode`] reads: feature set (form u8, views as a list of u8 codes), count u64, scatter
     /// packed.
     pub fn encode(&self) -> Vec<u8> {
         let mut writer = Writer::new(NUISANCE);
-        write_recipe(&mut writer, &self.recipe);
+        write_recipe(&mut writer, &self.feature_set);
         writer.u64(self.count);
         writer.packed(self.scatter.values());
         writer.finish()
@@ -542,11 +543,11 @@ impl Nuisance {
     /// [`SpaceError::Damaged`], [`SpaceError::Version`].
     pub fn decode(bytes: &[u8]) -> Result<Self, SpaceError> {
         let mut reader = Reader::new(NUISANCE, bytes)?;
-        let recipe = read_recipe(&mut reader)?;
+        let feature_set = read_recipe(&mut reader)?;
         let count = reader.u64()?;
-        let scatter = read_scatter(&mut reader, recipe.dims())?;
+        let scatter = read_scatter(&mut reader, feature_set.dims())?;
         reader.finish()?;
-        Ok(Self { recipe, count, scatter })
+        Ok(Self { feature_set, count, scatter })
     }
 }
 

@@ -2,7 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use hlacdb::index::{Allowed, Index, Method, Metric, Neighbour, Points, Question};
+use hlacdb::index::{IdFilter, Index, KnnQuery, Method, Neighbour, Points};
+use hlacdb::space::Metric;
 use proptest::prelude::*;
 
 /// Rows as a plain map, and what is done to them.
@@ -52,11 +53,11 @@ impl Scene {
     }
 
     /// The answer by sorting everything.
-    fn brute(&self, question: &Question<'_>) -> Vec<(u64, u64)> {
+    fn brute(&self, question: &KnnQuery<'_>) -> Vec<(u64, u64)> {
         let mut all: Vec<Neighbour> = self
             .live()
             .into_iter()
-            .filter(|&(id, _)| question.exclude != Some(id) && question.allowed.allows(id))
+            .filter(|&(id, _)| question.exclude != Some(id) && question.filter.allows(id))
             .map(|(id, point)| Neighbour { id, distance: self.metric.distance(question.point, point) })
             .filter(|hit| question.within.is_none_or(|radius| hit.distance <= radius))
             .collect();
@@ -111,12 +112,12 @@ fn questions<'a>(
     ids: &'a [u64],
     odd: &'a (dyn Fn(u64) -> bool + Sync),
     radii: [f64; 2],
-) -> Vec<Question<'a>> {
+) -> Vec<KnnQuery<'a>> {
     let mut all = vec![];
     for k in [k, 1, usize::MAX] {
-        for allowed in [Allowed::All, Allowed::Ids(ids), Allowed::When(odd)] {
+        for allowed in [IdFilter::All, IdFilter::Ids(ids), IdFilter::Predicate(odd)] {
             for within in [None, Some(radii[0]), Some(radii[1]), Some(0.0)] {
-                let question = Question { point: query, k, within, allowed, exclude: None };
+                let question = KnnQuery { point: query, k, within, filter: allowed, exclude: None };
                 all.push(question);
                 all.push(question.exclude(1));
             }

@@ -1,7 +1,7 @@
 //! Spaces of the user's own, and nuisances that the user declares.
 
 use hlacdb::hlac::View;
-use hlacdb::space::{Definition, Form, Kind, Recipe};
+use hlacdb::space::{Definition, FeatureForm, FeatureSet, SpaceKind};
 use hlacdb::store::Volumes;
 use hlacdb::synth;
 use hlacdb::{Database, Error, Meta, OpenOptions, Query, ReindexOptions};
@@ -66,8 +66,8 @@ fn spaces_that_cannot_be_are_refused() {
     assert!(matches!(&refused, Error::MissingViews { needs, .. } if needs.len() == 1), "{refused}");
     let histogram = Definition {
         name: "hist".into(),
-        recipe: Recipe::new(Form::Moments, &[View::Full]).unwrap(),
-        kind: Kind::Intersection,
+        feature_set: FeatureSet::new(FeatureForm::Moments, &[View::Full]).unwrap(),
+        kind: SpaceKind::Intersection,
     };
     database.add_space(&histogram, &()).unwrap();
     assert!(matches!(database.add_space(&histogram, &()), Err(Error::SpaceExists { .. })));

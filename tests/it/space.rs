@@ -3,13 +3,13 @@
 use std::fs::File;
 
 use hlacdb::hlac::{MASK_COUNT, View};
-use hlacdb::space::{Contribution, Definition, Features, Prior, Recipe, Space, Statistics};
+use hlacdb::space::{Contribution, Definition, FeatureSet, Features, Prior, Space, Statistics};
 use hlacdb::synth::{self, Nuisance};
 use hlacdb::volume::Volume;
 
 use crate::support::shared;
 
-fn features(recipe: &Recipe, volume: &Volume) -> Features {
+fn features(recipe: &FeatureSet, volume: &Volume) -> Features {
     let described = hlacdb::describe(volume, recipe.views());
     let moments: Vec<_> = described.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect();
     recipe.features(|view| moments.iter().find(|(other, _)| *other == view).map(|(_, moments)| moments)).unwrap()
@@ -18,7 +18,7 @@ fn features(recipe: &Recipe, volume: &Volume) -> Features {
 /// The default space of a store without textures: the prior's.
 fn default_space() -> Space {
     let definition = Definition::built_in("default").unwrap();
-    Space::fit(&definition, &Statistics::new(&definition.recipe), None, &Prior::shipped()).unwrap()
+    Space::fit(&definition, &Statistics::new(&definition.feature_set), None, &Prior::shipped()).unwrap()
 }
 
 fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
@@ -33,7 +33,7 @@ fn a_turned_brighter_noisier_copy_finds_its_family_first() {
     let specimens = synth::Recipe::parse(&recipe).unwrap().specimens();
     let space = default_space();
     let volumes: Vec<Volume> = specimens.iter().map(synth::Specimen::volume).collect();
-    let point = |volume: &Volume| space.point(&features(space.recipe(), volume)).unwrap();
+    let point = |volume: &Volume| space.point(&features(space.feature_set(), volume)).unwrap();
     let store: Vec<Vec<f32>> = volumes.iter().map(point).collect();
     let mut found = 0;
     for (at, volume) in volumes.iter().enumerate() {
@@ -53,11 +53,12 @@ fn turns_leave_the_default_point_nearly_where_it_was() {
     let turned = "rotation".parse::<Nuisance>().unwrap().draw(2).apply(&texture);
     assert_ne!(turned, texture);
     let space = default_space();
-    let [a, b, c] = [&texture, &turned, &unlike].map(|volume| space.point(&features(space.recipe(), volume)).unwrap());
+    let [a, b, c] =
+        [&texture, &turned, &unlike].map(|volume| space.point(&features(space.feature_set(), volume)).unwrap());
     // A turn moves the masks' cells within their windows, and so other voxels of the border are left out.
     let (turned, other) = (squared_distance(&a, &b), squared_distance(&a, &c));
     assert!(turned < 0.03 * other, "{turned} {other}");
-    let [texture, unlike] = [&texture, &unlike].map(|volume| features(space.recipe(), volume));
+    let [texture, unlike] = [&texture, &unlike].map(|volume| features(space.feature_set(), volume));
     let explained = space.explain(&texture, &unlike).unwrap();
     assert!((explained.total / other - 1.0).abs() < 1e-4);
 }
@@ -67,7 +68,7 @@ fn small_textures_have_points_too() {
     let space = default_space();
     for side in [3, 4, 7, 8, 15] {
         let volume = Volume::from_fn([side; 3], |z, y, x| (z * 50 + y * 20 + x * 7) as u8).unwrap();
-        let features = features(space.recipe(), &volume);
+        let features = features(space.feature_set(), &volume);
         assert_eq!(features.is_complete(), side >= 16);
         let point = space.point(&features).unwrap();
         assert!((squared_distance(&point, &[0.0; 32]) - 1.0).abs() < 1e-6, "{side}");
@@ -80,7 +81,7 @@ fn real_moments_have_the_statistics_of_the_textbook() {
     let array = npyz::NpyFile::new(File::open(path).unwrap()).unwrap();
     let rows: Vec<f32> = array.data::<f32>().unwrap().take(1500 * MASK_COUNT).map(Result::unwrap).collect();
     let (rows, _) = rows.as_chunks::<MASK_COUNT>();
-    let recipe = Recipe::plain();
+    let recipe = FeatureSet::plain();
     let mut statistics = Statistics::new(&recipe);
     for row in rows {
         statistics.add(&Contribution::of_moments(&recipe, |_| Some(row)).unwrap().unwrap()).unwrap();

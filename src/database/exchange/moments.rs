@@ -14,7 +14,7 @@ use crate::database::scheme::{DEFAULT_SPACE, Scheme};
 use crate::error::Error;
 use crate::hlac::{MASK_COUNT, View};
 use crate::progress::Progress;
-use crate::space::Recipe;
+use crate::space::FeatureSet;
 use crate::store::{DESCRIPTOR_ROWS, NewTexture, Reads, ViewCode};
 use crate::volume::display_path;
 
@@ -58,7 +58,7 @@ impl Database {
         let live: Vec<(usize, u64)> = rows.live().collect();
         progress.begin("exporting", Some(live.len() as u64));
 
-        let recipe = Recipe::plain();
+        let recipe = FeatureSet::plain();
         let mut moments = NpyRows::create(&folder.join("moments.npy"), &[live.len(), MASK_COUNT])?;
         let mut points = NpyRows::create(&folder.join("points.npy"), &[live.len(), state.space.dims()])?;
         let nothing = vec![f32::NAN; state.space.dims()];

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::database::scheme::Scheme;
 use crate::error::Error;
 use crate::progress::Progress;
-use crate::space::{Contribution, Kind, Nuisance as Scatter, Recipe};
+use crate::space::{Contribution, FeatureSet, NuisanceStatistics, SpaceKind};
 use crate::store::{Reads, Transaction};
 use crate::synth::Nuisance;
 use crate::volume::Volume;
@@ -24,14 +24,14 @@ const SETTING: &str = "nuisance";
 const BATCH: usize = 32;
 
 /// The statistics' key of the nuisance scatter of a recipe.
-pub(crate) fn key(recipe: &Recipe) -> String {
+pub(crate) fn key(recipe: &FeatureSet) -> String {
     format!("nuisance:{}", recipe.key())
 }
 
 /// The store's own nuisance scatter of a recipe; `None` where it was never estimated and the prior's counts.
-pub(crate) fn load(state: &impl Reads, recipe: &Recipe) -> Result<Option<Scatter>, Error> {
+pub(crate) fn load(state: &impl Reads, recipe: &FeatureSet) -> Result<Option<NuisanceStatistics>, Error> {
     let bytes = state.statistics(&key(recipe))?;
-    Ok(bytes.map(|bytes| Scatter::decode(&bytes)).transpose()?)
+    Ok(bytes.map(|bytes| NuisanceStatistics::decode(&bytes)).transpose()?)
 }
 
 /// The words of the nuisance that was last estimated.
@@ -61,10 +61,10 @@ pub(crate) fn estimate(
     progress: &dyn Progress,
 ) -> Result<u64, Error> {
     let scheme = Scheme::of(transaction);
-    let likeness = scheme.definitions().iter().filter(|one| matches!(one.kind, Kind::Likeness { .. }));
-    let mut recipes: Vec<Recipe> = likeness.map(|definition| definition.recipe.clone()).collect();
+    let likeness = scheme.definitions().iter().filter(|one| matches!(one.kind, SpaceKind::Likeness { .. }));
+    let mut recipes: Vec<FeatureSet> = likeness.map(|definition| definition.feature_set.clone()).collect();
     recipes.dedup();
-    let mut scatters: Vec<Scatter> = recipes.iter().map(Scatter::new).collect();
+    let mut scatters: Vec<NuisanceStatistics> = recipes.iter().map(NuisanceStatistics::new).collect();
     let ids = sample(transaction)?;
     if ids.is_empty() {
         return Err(Error::NoVoxels);
@@ -86,8 +86,9 @@ pub(crate) fn estimate(
             let Some((texture, copies)) = family.split_first() else { continue };
             for copy in copies {
                 for scatter in &mut scatters {
-                    let of =
-                        |parts: &[Contribution]| parts.iter().find(|part| part.recipe() == scatter.recipe()).cloned();
+                    let of = |parts: &[Contribution]| {
+                        parts.iter().find(|part| part.feature_set() == scatter.feature_set()).cloned()
+                    };
                     if let Some((texture, copy)) = of(texture).zip(of(copy)) {
                         scatter.add(&texture, &copy)?;
                     }
@@ -98,7 +99,7 @@ pub(crate) fn estimate(
         progress.advance(batch.len() as u64);
     }
     for scatter in &scatters {
-        transaction.put_statistics(&key(scatter.recipe()), &scatter.encode())?;
+        transaction.put_statistics(&key(scatter.feature_set()), &scatter.encode())?;
     }
     let mut settings = transaction.settings().clone();
     settings.further.insert(SETTING.to_owned(), nuisance.to_string());
@@ -112,7 +113,7 @@ fn family(
     volume: &Volume,
     nuisance: &Nuisance,
     copies: u64,
-    recipes: &[Recipe],
+    recipes: &[FeatureSet],
 ) -> Result<Vec<Vec<Contribution>>, Error> {
     let mut views: Vec<_> = recipes.iter().flat_map(|recipe| recipe.views().iter().copied()).collect();
     views.sort_unstable();

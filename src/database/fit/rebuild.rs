@@ -103,7 +103,7 @@ pub(crate) fn rebuild(
                 None => contributions_of_moments(transaction, id, &views)?,
             };
             for part in &parts {
-                if let Some(kept) = statistics.iter_mut().find(|kept| kept.recipe() == part.recipe()) {
+                if let Some(kept) = statistics.iter_mut().find(|kept| kept.feature_set() == part.feature_set()) {
                     kept.add(part)?;
                 }
             }

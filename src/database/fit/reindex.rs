@@ -10,7 +10,7 @@ use crate::database::points::spaces::next_epoch;
 use crate::database::scheme::Scheme;
 use crate::error::Error;
 use crate::progress::Progress;
-use crate::space::Recipe;
+use crate::space::FeatureSet;
 use crate::store::Reads;
 use crate::synth::Nuisance;
 
@@ -59,7 +59,7 @@ impl Database {
     /// voxels are kept; [`Error::Store`].
     pub fn reindex(&self, options: &ReindexOptions, progress: &dyn Progress) -> Result<ReindexReport, Error> {
         self.change_mending(|transaction, statistics_cache, whole| {
-            let counted = |recipe: &Recipe| Ok::<_, Error>(transaction.statistics(&recipe.key())?.is_some());
+            let counted = |recipe: &FeatureSet| Ok::<_, Error>(transaction.statistics(&recipe.key())?.is_some());
             let whole = whole
                 && Scheme::of(transaction).recipes().iter().map(counted).all(|there| there.is_ok_and(|there| there));
             let described = match (options.reextract, whole || transaction.counts().textures == 0) {

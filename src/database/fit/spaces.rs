@@ -10,7 +10,7 @@ use crate::store::Transaction;
 /// Fits every space on these statistics and keeps it.
 pub(crate) fn fit(transaction: &mut Transaction, statistics: &[Statistics], epoch: u64) -> Result<(), Error> {
     for definition in Scheme::of(transaction).definitions() {
-        if let Some(statistics) = statistics.iter().find(|kept| *kept.recipe() == definition.recipe) {
+        if let Some(statistics) = statistics.iter().find(|kept| *kept.feature_set() == definition.feature_set) {
             fit_one(transaction, definition, statistics, epoch)?;
         }
     }
@@ -25,7 +25,7 @@ pub(crate) fn fit_one(
     statistics: &Statistics,
     epoch: u64,
 ) -> Result<(), Error> {
-    let learned = nuisance::load(transaction, &definition.recipe)?;
+    let learned = nuisance::load(transaction, &definition.feature_set)?;
     let space = Space::fit(definition, statistics, learned.as_ref(), prior())?.with_epoch(epoch);
     Ok(transaction.put_space(&definition.name, &space.encode())?)
 }

@@ -28,7 +28,7 @@ impl Database {
             set_down(&mut settings, definition)
                 .map_err(|error| Error::io("writing the space's definition", error.into()))?;
             transaction.put_settings(settings)?;
-            if !statistics_cache.all().iter().any(|kept| *kept.recipe() == definition.recipe) {
+            if !statistics_cache.all().iter().any(|kept| *kept.feature_set() == definition.feature_set) {
                 rebuild(transaction, statistics_cache, &Rewrite::These(&Default::default()), progress)?;
             }
             fit_of_books(transaction, statistics_cache, definition)?;
@@ -68,7 +68,7 @@ fn check_room(transaction: &Transaction, definition: &Definition) -> Result<(), 
         return Err(Error::SpaceExists { name: name.clone() });
     }
     let kept = Scheme::of(transaction);
-    let missing = definition.recipe.views().iter().filter(|view| !kept.views().contains(view));
+    let missing = definition.feature_set.views().iter().filter(|view| !kept.views().contains(view));
     let needs: Vec<String> = missing.map(|view| view.name().to_owned()).collect();
     if needs.is_empty() {
         return Ok(());
@@ -82,7 +82,7 @@ fn fit_of_books(
     definition: &Definition,
 ) -> Result<(), Error> {
     let epoch = last_fit(transaction)?.0;
-    match statistics_cache.all().iter().find(|kept| *kept.recipe() == definition.recipe) {
+    match statistics_cache.all().iter().find(|kept| *kept.feature_set() == definition.feature_set) {
         Some(statistics) => fit_one(transaction, definition, statistics, epoch),
         None => Ok(()),
     }

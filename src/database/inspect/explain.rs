@@ -59,11 +59,11 @@ impl Database {
 fn features(state: &impl Reads, space: &Space, id: u64) -> Result<Features, Error> {
     let moments = known_moments(state, id)?;
     let of = |view: View| moments.iter().find(|(other, _)| *other == view).map(|(_, row)| row);
-    if space.recipe().views().iter().all(|&view| of(view).is_none()) {
-        let needs = space.recipe().views().iter().map(|view| view.name().to_owned()).collect();
+    if space.feature_set().views().iter().all(|&view| of(view).is_none()) {
+        let needs = space.feature_set().views().iter().map(|view| view.name().to_owned()).collect();
         return Err(Error::MissingViews { space: space.name().to_owned(), needs, what: format!("texture {id}") });
     }
-    Ok(space.recipe().features(of)?)
+    Ok(space.feature_set().features(of)?)
 }
 
 #[cfg(test)]

@@ -146,7 +146,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::index::Metric;
+    use crate::space::Metric;
 
     #[test]
     fn the_axes_are_those_along_which_points_vary_most() {

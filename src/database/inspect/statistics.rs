@@ -11,7 +11,7 @@ use crate::database::quarantine::{self, Quarantined};
 use crate::database::scheme::{DEFAULT_SPACE, Scheme};
 use crate::error::Error;
 use crate::hlac::MASK_COUNT;
-use crate::space::{Recipe, Space};
+use crate::space::{FeatureSet, Space};
 use crate::store::{Reads, StoreError, ViewCode, Volumes};
 
 /// Everything that `hlacdb stats` shows.
@@ -160,7 +160,7 @@ impl Database {
             }
         }
         let space = spaces::load_or_prior(&snapshot, space)?;
-        let drift = space.drift(&statistics_cache::load_whole(&snapshot, space.recipe())?)?;
+        let drift = space.drift(&statistics_cache::load_whole(&snapshot, space.feature_set())?)?;
         Ok(StatisticsReport {
             textures: snapshot.counts().textures,
             descriptors,
@@ -192,12 +192,12 @@ impl Database {
     /// # Errors
     /// [`Error::Store`], [`Error::Space`].
     pub fn covariance(&self) -> Result<Vec<f64>, Error> {
-        Ok(statistics_cache::load(&self.store().read()?, &Recipe::plain())?.covariance())
+        Ok(statistics_cache::load(&self.store().read()?, &FeatureSet::plain())?.covariance())
     }
 }
 
 fn moment_statistics(state: &impl Reads) -> Result<MomentStatistics, Error> {
-    let statistics = statistics_cache::load_whole(state, &Recipe::plain())?;
+    let statistics = statistics_cache::load_whole(state, &FeatureSet::plain())?;
     let (min, max) = statistics.extremes().unwrap_or_default();
     let std = statistics.deviation();
     Ok(MomentStatistics {

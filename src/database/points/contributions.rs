@@ -4,7 +4,7 @@ use super::descriptors::moments;
 use crate::database::scheme::Scheme;
 use crate::error::Error;
 use crate::hlac::{OctantSums, View};
-use crate::space::{Contribution, Recipe};
+use crate::space::{Contribution, FeatureSet};
 use crate::store::{DESCRIPTOR_ROWS, NewTexture, Reads, StoreError};
 
 /// What a described texture adds to the statistics of a store that keeps `views`.
@@ -47,7 +47,10 @@ pub(crate) fn contributions_of_moments(
 }
 
 /// What a texture that comes with moments adds to the statistics of each recipe.
-pub(crate) fn described_contributions(texture: &NewTexture, recipes: &[Recipe]) -> Result<Vec<Contribution>, Error> {
+pub(crate) fn described_contributions(
+    texture: &NewTexture,
+    recipes: &[FeatureSet],
+) -> Result<Vec<Contribution>, Error> {
     let of =
         |view: View| texture.descriptors.iter().find(|(code, _)| code.0 == view.code()).map(|(_, moments)| moments);
     let parts = recipes.iter().filter_map(|recipe| Contribution::of_moments(recipe, of).transpose());
@@ -58,7 +61,7 @@ pub(crate) fn described_contributions(texture: &NewTexture, recipes: &[Recipe]) 
 /// with the store.
 pub(crate) fn contribution_blocks<'a>(
     state: &'a impl Reads,
-    recipe: &'a Recipe,
+    recipe: &'a FeatureSet,
 ) -> Result<impl Iterator<Item = Result<Vec<Contribution>, Error>> + 'a, Error> {
     let rows = state.rows()?;
     Ok((0..state.descriptor_blocks()).map(move |block| {

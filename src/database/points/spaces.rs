@@ -16,7 +16,7 @@ pub(crate) fn load(state: &impl Reads, name: &str) -> Result<Space, Error> {
     let scheme = Scheme::of(state);
     match scheme.definitions().iter().find(|definition| definition.name == name) {
         Some(definition) => {
-            let statistics = statistics_cache::load(state, &definition.recipe)?;
+            let statistics = statistics_cache::load(state, &definition.feature_set)?;
             Ok(Space::fit(definition, &statistics, None, prior())?)
         }
         None => Err(Error::NoSuchSpace { name: name.to_owned(), known: scheme.names() }),
@@ -30,7 +30,7 @@ pub(crate) fn load_or_prior(state: &impl Reads, name: &str) -> Result<Space, Err
             tracing::warn!("{}: `hlacdb reindex` fits spaces anew", crate::error::chain(&error));
             let scheme = Scheme::of(state);
             let definition = scheme.definitions().iter().find(|definition| definition.name == name).ok_or(error)?;
-            Ok(Space::fit(definition, &Statistics::new(&definition.recipe), None, prior())?)
+            Ok(Space::fit(definition, &Statistics::new(&definition.feature_set), None, prior())?)
         }
         read => read,
     }

@@ -8,7 +8,8 @@ use super::spaces;
 use super::stored::{StoredPoints, mapped_points};
 use crate::database::handle::{Database, held};
 use crate::error::{Error, chain};
-use crate::index::{Index, KdTree, Metric, Points};
+use crate::index::{Index, KdTree, Points};
+use crate::space::Metric;
 use crate::space::Space;
 use crate::store::{DESCRIPTOR_ROWS, Reads, Record, Rows, Snapshot};
 

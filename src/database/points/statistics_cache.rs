@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::database::scheme::{DEFAULT_SPACE, Scheme};
 use crate::error::Error;
-use crate::space::{Contribution, Recipe, SpaceError, Statistics};
+use crate::space::{Contribution, FeatureSet, SpaceError, Statistics};
 use crate::store::{Reads, Transaction};
 
 /// So many textures are counted by one thread at a time.
@@ -17,7 +17,7 @@ pub(crate) struct StatisticsCache {
     revision: Option<u64>,
     statistics: Vec<Statistics>,
     /// The recipe of the default space.
-    default: Option<Recipe>,
+    default: Option<FeatureSet>,
     changed: bool,
 }
 
@@ -29,7 +29,7 @@ impl StatisticsCache {
         }
         let views = Scheme::of(transaction);
         let default = views.definitions().iter().find(|definition| definition.name == DEFAULT_SPACE);
-        self.default = default.map(|definition| definition.recipe.clone());
+        self.default = default.map(|definition| definition.feature_set.clone());
         self.statistics = views.recipes().iter().map(|recipe| load(transaction, recipe)).collect::<Result<_, _>>()?;
         self.changed = false;
         Ok(())
@@ -39,7 +39,7 @@ impl StatisticsCache {
     pub(crate) fn save(&mut self, transaction: &mut Transaction) -> Result<(), Error> {
         if self.changed {
             for statistics in &self.statistics {
-                transaction.put_statistics(&statistics.recipe().key(), &statistics.encode())?;
+                transaction.put_statistics(&statistics.feature_set().key(), &statistics.encode())?;
             }
         }
         self.changed = false;
@@ -66,10 +66,10 @@ impl StatisticsCache {
     /// Counts many textures in, in parallel: statistics of parts are merged, which gives the same bits.
     pub(crate) fn add_all(&mut self, textures: &[Vec<Contribution>]) -> Result<(), Error> {
         for statistics in &mut self.statistics {
-            let recipe = statistics.recipe().clone();
+            let recipe = statistics.feature_set().clone();
             let part = |textures: &[Vec<Contribution>]| {
                 let mut part = Statistics::new(&recipe);
-                part.add_all(textures.iter().flatten().filter(|texture| *texture.recipe() == recipe))?;
+                part.add_all(textures.iter().flatten().filter(|texture| *texture.feature_set() == recipe))?;
                 Ok(part)
             };
             let whole = textures.par_chunks(TOGETHER).map(part).try_reduce(
@@ -89,7 +89,7 @@ impl StatisticsCache {
 
     /// Whether these contributions of a texture count for the default space.
     pub(crate) fn counts(&self, texture: &[Contribution]) -> bool {
-        texture.iter().any(|part| Some(part.recipe()) == self.default.as_ref())
+        texture.iter().any(|part| Some(part.feature_set()) == self.default.as_ref())
     }
 
     /// Takes a texture back, without a trace.
@@ -103,7 +103,9 @@ impl StatisticsCache {
         act: impl Fn(&mut Statistics, &Contribution) -> Result<(), crate::space::SpaceError>,
     ) -> Result<(), Error> {
         for contribution in contributions {
-            if let Some(statistics) = self.statistics.iter_mut().find(|kept| kept.recipe() == contribution.recipe()) {
+            if let Some(statistics) =
+                self.statistics.iter_mut().find(|kept| kept.feature_set() == contribution.feature_set())
+            {
                 act(statistics, contribution)?;
                 self.changed = true;
             }
@@ -113,7 +115,7 @@ impl StatisticsCache {
 
     /// How many textures the default space can be fitted on.
     pub(crate) fn textures(&self) -> u64 {
-        let of_default = |kept: &&Statistics| Some(kept.recipe()) == self.default.as_ref();
+        let of_default = |kept: &&Statistics| Some(kept.feature_set()) == self.default.as_ref();
         self.statistics.iter().find(of_default).map_or(0, Statistics::count)
     }
 
@@ -129,10 +131,11 @@ impl StatisticsCache {
     }
 
     /// Lets go of the statistics of other recipes than these; returns whose they were.
-    pub(crate) fn forget_others(&mut self, wanted: &[Recipe]) -> Vec<Recipe> {
-        let gone = self.statistics.iter().map(|kept| kept.recipe().clone()).filter(|recipe| !wanted.contains(recipe));
-        let gone: Vec<Recipe> = gone.collect();
-        self.statistics.retain(|kept| wanted.contains(kept.recipe()));
+    pub(crate) fn forget_others(&mut self, wanted: &[FeatureSet]) -> Vec<FeatureSet> {
+        let gone =
+            self.statistics.iter().map(|kept| kept.feature_set().clone()).filter(|recipe| !wanted.contains(recipe));
+        let gone: Vec<FeatureSet> = gone.collect();
+        self.statistics.retain(|kept| wanted.contains(kept.feature_set()));
         gone
     }
 
@@ -143,7 +146,7 @@ impl StatisticsCache {
 }
 
 /// The statistics that a store keeps for a recipe; those of no texture where it keeps none yet.
-pub(crate) fn load(state: &impl Reads, recipe: &Recipe) -> Result<Statistics, Error> {
+pub(crate) fn load(state: &impl Reads, recipe: &FeatureSet) -> Result<Statistics, Error> {
     Ok(match state.statistics(&recipe.key())? {
         Some(bytes) => Statistics::decode(&bytes)?,
         None => Statistics::new(recipe),
@@ -151,7 +154,7 @@ pub(crate) fn load(state: &impl Reads, recipe: &Recipe) -> Result<Statistics, Er
 }
 
 /// As [`load`]; statistics that are not whole count as those of no texture.
-pub(crate) fn load_whole(state: &impl Reads, recipe: &Recipe) -> Result<Statistics, Error> {
+pub(crate) fn load_whole(state: &impl Reads, recipe: &FeatureSet) -> Result<Statistics, Error> {
     match load(state, recipe) {
         Err(error) if error.is_damage() => {
             tracing::warn!("{}: `hlacdb reindex` builds statistics anew", crate::error::chain(&error));

@@ -1,7 +1,7 @@
 //! Points and moments as the store keeps them, block by block.
 //!
 //! The points of the default space are kept twice, so that a cold question reads few bytes: as *codes*, a byte a
-//! coordinate (see [`crate::index::codes`]), and as they are. To the store both are parts of 4-byte numbers: four codes make
+//! coordinate (see [`crate::index::quantise`]), and as they are. To the store both are parts of 4-byte numbers: four codes make
 //! one.
 
 use std::borrow::Cow;
@@ -10,8 +10,8 @@ use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::hlac::View;
-use crate::index::{NO_POINT, codes};
-use crate::space::{Recipe, Space};
+use crate::index::{NO_POINT, quantise};
+use crate::space::{FeatureSet, Space};
 use crate::store::{
     DESCRIPTOR_ROWS, Damage, DescriptorBlock, PointsLayout, Reads, StoreError, Transaction, ViewCode,
     point_rows_per_block,
@@ -91,7 +91,7 @@ impl<'a, R: Reads> StoredPoints<'a, R> {
         let (mut kept, mut points) = (self.part(CODES), self.part(POINTS));
         for row in 0..self.rows() {
             let point = points.row(row)?;
-            take(row, point, unpack(kept.row(row)?).take(self.dims).eq(codes(point)));
+            take(row, point, unpack(kept.row(row)?).take(self.dims).eq(quantise(point)));
         }
         Ok(())
     }
@@ -175,7 +175,7 @@ pub(crate) fn keep_points(transaction: &mut Transaction, name: &str, space: &Spa
         let mut points = vec![f32::NAN; (end - next) * dims];
         for (row, point) in mapped_points(transaction, space, next..end)? {
             let at = row - next;
-            copy(&mut coded, at * nothing.len(), &pack(codes(&point)));
+            copy(&mut coded, at * nothing.len(), &pack(quantise(&point)));
             copy(&mut points, at * dims, &point);
         }
         transaction.append_points(name, &[&coded, &points])?;
@@ -201,7 +201,7 @@ pub(crate) fn mapped_points(
     }
     let mut mapped = Vec::with_capacity(rows.len());
     for block in rows.start / DESCRIPTOR_ROWS..rows.end.div_ceil(DESCRIPTOR_ROWS) {
-        let moments = BlockMoments::read(state, space.recipe(), block as u32)?;
+        let moments = BlockMoments::read(state, space.feature_set(), block as u32)?;
         let first = block * DESCRIPTOR_ROWS;
         let within = first.max(rows.start)..(first + DESCRIPTOR_ROWS).min(rows.end);
         let points: Result<Vec<_>, Error> = within
@@ -219,7 +219,7 @@ pub(crate) struct BlockMoments {
 }
 
 impl BlockMoments {
-    pub(crate) fn read(state: &impl Reads, recipe: &Recipe, block: u32) -> Result<Self, Error> {
+    pub(crate) fn read(state: &impl Reads, recipe: &FeatureSet, block: u32) -> Result<Self, Error> {
         let read = |&view: &View| Ok((view, state.descriptors(ViewCode(view.code()), block)?));
         Ok(Self { views: recipe.views().iter().map(read).collect::<Result<_, Error>>()? })
     }
@@ -231,7 +231,7 @@ impl BlockMoments {
 
     /// The point of a row of the block; `None` where it has none of the views.
     fn point(&self, space: &Space, row: usize) -> Result<Option<Vec<f32>>, Error> {
-        let recipe = space.recipe();
+        let recipe = space.feature_set();
         if recipe.views().iter().all(|&view| self.row(view, row).is_none()) {
             return Ok(None);
         }

@@ -15,7 +15,7 @@ use crate::database::quarantine::left_out;
 use crate::database::scheme::DEFAULT_SPACE;
 use crate::error::Error;
 use crate::hlac::{MASK_COUNT, View};
-use crate::index::{Allowed, Neighbour, Question};
+use crate::index::{IdFilter, KnnQuery, Neighbour};
 use crate::space::Space;
 use crate::store::{Reads, Snapshot, StoreError};
 
@@ -111,12 +111,12 @@ impl<'a> Execution<'a> {
             own.sort_unstable();
             own.dedup();
             let ask = |point: &[f32]| {
-                let question = Question {
+                let question = KnnQuery {
                     point,
                     // One example is left out by the index, more are taken out of the answer.
                     k: if own.len() > 1 { k.saturating_add(own.len()) } else { k },
                     within: query.within,
-                    allowed: allowed.as_deref().map_or(Allowed::All, |ids| Allowed::Ids(ids)),
+                    filter: allowed.as_deref().map_or(IdFilter::All, |ids| IdFilter::Ids(ids)),
                     exclude: own.first().copied().filter(|_| own.len() == 1),
                 };
                 self.search(&question, query)
@@ -147,7 +147,7 @@ impl<'a> Execution<'a> {
         Ok(Answer { space: self.name.clone(), index, epoch: self.space().epoch(), elapsed, warnings, hits })
     }
 
-    fn search(&self, question: &Question<'_>, query: &Query<'_>) -> Result<(Vec<Neighbour>, &'static str), Error> {
+    fn search(&self, question: &KnnQuery<'_>, query: &Query<'_>) -> Result<(Vec<Neighbour>, &'static str), Error> {
         match &self.ground {
             PointSource::Memory(state) => {
                 let method = state.index.choose(question, query.index);
@@ -226,7 +226,7 @@ impl<'a> Execution<'a> {
                 Ok((self.map(&moments, || format!("texture {id}"))?, Some(*id)))
             }
             Example::Volume(volume) => {
-                let described = crate::describe(volume, self.space().recipe().views());
+                let described = crate::describe(volume, self.space().feature_set().views());
                 let moments: Vec<_> =
                     described.iter().map(|(view, octants)| (*view, octants.total().descriptor())).collect();
                 let own = if query.exclude_self { self.snapshot.find(&volume.content_hash())? } else { None };
@@ -239,11 +239,11 @@ impl<'a> Execution<'a> {
     fn map(&self, moments: &[(View, [f32; MASK_COUNT])], what: impl Fn() -> String) -> Result<Vec<f32>, Error> {
         let space = self.space();
         let of = |view: View| moments.iter().find(|(other, _)| *other == view).map(|(_, row)| row);
-        if space.recipe().views().iter().all(|&view| of(view).is_none()) {
-            let needs = space.recipe().views().iter().map(|view| view.name().to_owned()).collect();
+        if space.feature_set().views().iter().all(|&view| of(view).is_none()) {
+            let needs = space.feature_set().views().iter().map(|view| view.name().to_owned()).collect();
             return Err(Error::MissingViews { space: self.name.clone(), needs, what: what() });
         }
-        Ok(space.point(&space.recipe().features(of)?)?)
+        Ok(space.point(&space.feature_set().features(of)?)?)
     }
 }
 

@@ -4,7 +4,7 @@
 
 use crate::database::points::stored::{StoredPoints, unpacked};
 use crate::error::Error;
-use crate::index::{Allowed, ColdScan, Neighbour, Question};
+use crate::index::{DiskScan, IdFilter, KnnQuery, Neighbour};
 use crate::space::Space;
 use crate::store::{Reads, Snapshot};
 
@@ -29,10 +29,10 @@ pub(crate) fn search(
     snapshot: &Snapshot,
     name: &str,
     space: &Space,
-    question: &Question<'_>,
+    question: &KnnQuery<'_>,
 ) -> Result<Vec<Neighbour>, Error> {
     let rows = snapshot.rows()?;
-    let mut scan = ColdScan::new(space.metric(), space.dims(), rows.len(), *question)?;
+    let mut scan = DiskScan::new(space.metric(), space.dims(), rows.len(), *question)?;
     let Some(kept) = StoredPoints::of(snapshot, name, space)? else { return Ok(Vec::new()) };
     let mut points = kept.points();
     let mut fetch = |row: usize, into: &mut Vec<f32>| -> Result<(), Error> {
@@ -40,7 +40,7 @@ pub(crate) fn search(
         Ok(())
     };
     for (block, ids) in rows.ids().chunks(kept.code_rows()).enumerate() {
-        if !may_allow(question.allowed, ids) {
+        if !may_allow(question.filter, ids) {
             continue;
         }
         let packed = kept.codes(block as u32)?;
@@ -53,9 +53,9 @@ pub(crate) fn search(
 }
 
 /// Whether any of these ids, which ascend, may be allowed: what a selective filter leaves out is not even read.
-fn may_allow(allowed: Allowed<'_>, ids: &[u64]) -> bool {
+fn may_allow(allowed: IdFilter<'_>, ids: &[u64]) -> bool {
     match (allowed, ids.first(), ids.last()) {
-        (Allowed::Ids(allowed), Some(first), Some(last)) => {
+        (IdFilter::Ids(allowed), Some(first), Some(last)) => {
             let from = allowed.partition_point(|id| id < first);
             allowed.get(from).is_some_and(|id| id <= last)
         }

@@ -10,7 +10,7 @@ use crate::database::exchange::arrays::NpyRows;
 use crate::database::handle::Database;
 use crate::database::scheme::DEFAULT_SPACE;
 use crate::error::Error;
-use crate::index::{Method, Question};
+use crate::index::{KnnQuery, Method};
 use crate::progress::Progress;
 use crate::store::Reads;
 
@@ -98,7 +98,7 @@ impl Database {
                 return Err(Error::Cancelled);
             }
             let near = some.par_iter().map(|&id| match state.index.points().point(id) {
-                Some(point) => state.index.search(&Question::nearest(point, k).exclude(id), Method::Auto),
+                Some(point) => state.index.search(&KnnQuery::nearest(point, k).exclude(id), Method::Auto),
                 None => Ok(Vec::new()),
             });
             for near in near.collect::<Result<Vec<_>, _>>()? {

@@ -219,7 +219,7 @@ impl Fits {
 /// Looks for lowest and highest moments anew where a removed texture had one of them.
 fn renew_extremes(transaction: &Transaction, statistics_cache: &mut StatisticsCache) -> Result<(), Error> {
     for statistics in statistics_cache.stale_extremes() {
-        let recipe = statistics.recipe().clone();
+        let recipe = statistics.feature_set().clone();
         let blocks = contribution_blocks(transaction, &recipe)?;
         let parts = blocks.flat_map(|block| match block {
             Ok(parts) => parts.into_iter().map(Ok).collect(),

@@ -1,6 +1,6 @@
 use super::*;
 use crate::space::fixtures::{described, features, statistics};
-use crate::space::{Form, Part};
+use crate::space::{FeatureForm, FeaturePart};
 
 fn textures(count: u64) -> Vec<Vec<(View, crate::hlac::OctantSums)>> {
     (0..count).map(described).collect()
@@ -8,7 +8,7 @@ fn textures(count: u64) -> Vec<Vec<(View, crate::hlac::OctantSums)>> {
 
 fn fitted(name: &str, textures: &[Vec<(View, crate::hlac::OctantSums)>], prior: &Prior) -> Space {
     let definition = Definition::built_in(name).unwrap();
-    Space::fit(&definition, &statistics(&definition.recipe, textures), None, prior).unwrap()
+    Space::fit(&definition, &statistics(&definition.feature_set, textures), None, prior).unwrap()
 }
 
 fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
@@ -24,7 +24,7 @@ fn whatever_the_statistics_points_are_finite_and_of_unit_length() {
             for prior in [Prior::none(), Prior::shipped()] {
                 let space = fitted(name, store, &prior);
                 for texture in &some {
-                    let point = space.point(&features(space.recipe(), texture)).unwrap();
+                    let point = space.point(&features(space.feature_set(), texture)).unwrap();
                     assert_eq!(point.len(), space.dims());
                     assert!(point.iter().all(|coordinate| coordinate.is_finite()), "{name} of {}", store.len());
                     let length = squared_distance(&point, &vec![0.0; point.len()]);
@@ -43,7 +43,7 @@ fn whatever_the_statistics_points_are_finite_and_of_unit_length() {
 fn the_papers_points_are_sums_per_window() {
     let texture = &textures(1)[0];
     let space = fitted("paper", &[], &Prior::none());
-    let point = space.point(&features(space.recipe(), texture)).unwrap();
+    let point = space.point(&features(space.feature_set(), texture)).unwrap();
     let sums = texture[0].1.total();
     for (coordinate, &sum) in point.iter().zip(&sums.values) {
         let exact = sum as f64 / sums.windows as f64;
@@ -55,9 +55,10 @@ fn the_papers_points_are_sums_per_window() {
 #[test]
 fn the_distance_of_shares_is_one_minus_the_intersection() {
     let textures = textures(2);
-    let definition = Definition { name: "shares".into(), recipe: Recipe::plain(), kind: Kind::Intersection };
-    let space = Space::fit(&definition, &Statistics::new(&Recipe::plain()), None, &Prior::none()).unwrap();
-    let points = [0, 1].map(|at| space.point(&features(space.recipe(), &textures[at])).unwrap());
+    let definition =
+        Definition { name: "shares".into(), feature_set: FeatureSet::plain(), kind: SpaceKind::Intersection };
+    let space = Space::fit(&definition, &Statistics::new(&FeatureSet::plain()), None, &Prior::none()).unwrap();
+    let points = [0, 1].map(|at| space.point(&features(space.feature_set(), &textures[at])).unwrap());
     let distance: f64 = points[0].iter().zip(&points[1]).map(|(a, b)| f64::from((a - b).abs())).sum();
     let histogram = |at: usize| {
         let sums = textures[at][0].1.total().values.map(|sum| sum as f64);
@@ -74,7 +75,7 @@ fn zscore_is_centred_and_scaled_by_the_store() {
     let textures = textures(5);
     let space = fitted("zscore", &textures, &Prior::shipped());
     let points: Vec<Vec<f32>> =
-        textures.iter().map(|texture| space.point(&features(space.recipe(), texture)).unwrap()).collect();
+        textures.iter().map(|texture| space.point(&features(space.feature_set(), texture)).unwrap()).collect();
     for feature in [0, 20, 250] {
         let values = || points.iter().map(|point| f64::from(point[feature]));
         assert!(values().sum::<f64>().abs() < 1e-5);
@@ -88,7 +89,7 @@ fn coordinates_are_ordered_by_variance_and_uncorrelated() {
     let space = fitted("default", &textures, &Prior::none());
     let Map::Likeness(projection) = &space.map else { panic!("a likeness space") };
     assert!(projection.variances.is_sorted_by(|a, b| a >= b) && projection.variances[31] > 0.0);
-    let covariance = statistics(space.recipe(), &textures).between();
+    let covariance = statistics(space.feature_set(), &textures).between();
     let product = projection.weights.transposed().times(&covariance).times(&projection.weights);
     for i in 0..32 {
         for j in 0..32 {
@@ -109,7 +110,7 @@ fn axes_say_what_they_are_made_of() {
         assert!((axis.views.iter().map(|(_, share)| share).sum::<f64>() - 1.0).abs() < 1e-6);
         assert_eq!((axis.views.len(), axis.features.len()), (7, NAMED));
         assert!(axis.features.iter().all(|(_, correlation)| correlation.abs() <= 1.0 + 1e-9));
-        assert!(matches!(axis.features[0].0.part, Part::Mean(_) | Part::Deviation(_)));
+        assert!(matches!(axis.features[0].0.part, FeaturePart::Mean(_) | FeaturePart::Deviation(_)));
     }
     assert!(fitted("paper", &textures, &Prior::none()).axes().is_empty());
 }
@@ -118,17 +119,17 @@ fn axes_say_what_they_are_made_of() {
 fn a_view_that_is_not_there_is_average() {
     let textures = textures(20);
     let space = fitted("default", &textures, &Prior::none());
-    let recipe = space.recipe();
+    let feature_set = space.feature_set();
     let without = View::LIKENESS[2];
     let part: Vec<_> = textures[3].iter().filter(|(view, _)| *view != without).cloned().collect();
-    let features = features(recipe, &part);
+    let features = features(feature_set, &part);
     assert_eq!(features.missing(), [without]);
     let Map::Likeness(projection) = &space.map else { panic!("a likeness space") };
-    let per_view = Form::Pooled.per_view();
+    let per_view = FeatureForm::Pooled.per_view();
     let filled = features.values().iter().enumerate();
     let filled = filled.map(|(at, &x)| Some(if at / per_view == 2 { projection.mean[at] } else { x }));
     assert_eq!(space.raw_point(&features).unwrap(), projection.project(filled));
-    let nothing = recipe.features(|_| None).unwrap();
+    let nothing = feature_set.features(|_| None).unwrap();
     assert_eq!(space.point(&nothing).unwrap(), vec![0.0; 32]);
 }
 
@@ -143,7 +144,7 @@ fn many_points_are_the_same_as_one_by_one() {
     let moments = |row: usize, view: View| descriptors[row].iter().find(|(v, _)| *v == view).map(|(_, m)| m);
     let many = space.points(4, moments).unwrap();
     let single: Vec<f32> =
-        textures.iter().flat_map(|texture| space.point(&features(space.recipe(), texture)).unwrap()).collect();
+        textures.iter().flat_map(|texture| space.point(&features(space.feature_set(), texture)).unwrap()).collect();
     assert_eq!(many, single);
 }
 
@@ -152,32 +153,32 @@ fn drift_is_nothing_at_first_and_grows() {
     let textures = textures(30);
     for name in ["zscore", "oriented", "default"] {
         let space = fitted(name, &textures[..15], &Prior::none());
-        let recipe = space.recipe();
-        let at_first = space.drift(&statistics(recipe, &textures[..15])).unwrap().unwrap();
+        let feature_set = space.feature_set();
+        let at_first = space.drift(&statistics(feature_set, &textures[..15])).unwrap().unwrap();
         assert_eq!((at_first.textures_at_fit, at_first.textures, at_first.shift), (15, 15, 0.0));
         assert!((at_first.spread - 1.0).abs() < 1e-9, "{name}");
-        let later = space.drift(&statistics(recipe, &textures)).unwrap().unwrap();
+        let later = space.drift(&statistics(feature_set, &textures)).unwrap().unwrap();
         assert!(later.shift > 0.01 && later.textures == 30, "{name}: {later:?}");
-        assert!(space.drift(&Statistics::new(recipe)).unwrap().is_none());
+        assert!(space.drift(&Statistics::new(feature_set)).unwrap().is_none());
     }
     let paper = fitted("paper", &textures[..15], &Prior::none());
-    assert_eq!(paper.drift(&statistics(paper.recipe(), &textures)).unwrap(), None);
-    assert!(matches!(paper.drift(&Statistics::new(&Recipe::pooled())), Err(SpaceError::Recipe { .. })));
+    assert_eq!(paper.drift(&statistics(paper.feature_set(), &textures)).unwrap(), None);
+    assert!(matches!(paper.drift(&Statistics::new(&FeatureSet::pooled())), Err(SpaceError::FeatureSet { .. })));
 }
 
 #[test]
 fn a_nuisance_of_ones_own_changes_the_space_only_where_it_weighs() {
     let textures = textures(30);
-    let mut nuisance = Nuisance::new(&Recipe::pooled());
+    let mut nuisance = NuisanceStatistics::new(&FeatureSet::pooled());
     for (texture, copy) in [(1, 2), (5, 9)] {
         let [texture, copy] = [texture, copy].map(crate::space::fixtures::volume);
         assert!(nuisance.observe(&texture, &copy).unwrap());
     }
-    let own = statistics(&Recipe::pooled(), &textures);
-    let fit = |weight: f64, nuisance: Option<&Nuisance>| {
+    let own = statistics(&FeatureSet::pooled(), &textures);
+    let fit = |weight: f64, nuisance: Option<&NuisanceStatistics>| {
         let definition = Definition::likeness("mine", &View::LIKENESS, true, weight, 8).unwrap();
         let space = Space::fit(&definition, &own, nuisance, &Prior::none()).unwrap();
-        space.point(&features(space.recipe(), &textures[0])).unwrap()
+        space.point(&features(space.feature_set(), &textures[0])).unwrap()
     };
     assert_eq!(fit(0.0, Some(&nuisance)), fit(0.0, None));
     assert_ne!(fit(0.5, Some(&nuisance)), fit(0.5, None));
@@ -186,14 +187,14 @@ fn a_nuisance_of_ones_own_changes_the_space_only_where_it_weighs() {
 #[test]
 fn what_does_not_fit_together_is_refused() {
     let definition = Definition::built_in("default").unwrap();
-    let plain = Statistics::new(&Recipe::plain());
-    assert!(matches!(Space::fit(&definition, &plain, None, &Prior::none()), Err(SpaceError::Recipe { .. })));
-    let own = Statistics::new(&definition.recipe);
-    let other = Nuisance::new(&Recipe::oriented());
-    assert!(matches!(Space::fit(&definition, &own, Some(&other), &Prior::none()), Err(SpaceError::Recipe { .. })));
+    let plain = Statistics::new(&FeatureSet::plain());
+    assert!(matches!(Space::fit(&definition, &plain, None, &Prior::none()), Err(SpaceError::FeatureSet { .. })));
+    let own = Statistics::new(&definition.feature_set);
+    let other = NuisanceStatistics::new(&FeatureSet::oriented());
+    assert!(matches!(Space::fit(&definition, &own, Some(&other), &Prior::none()), Err(SpaceError::FeatureSet { .. })));
     let space = Space::fit(&definition, &own, None, &Prior::none()).unwrap();
-    let wrong = features(&Recipe::plain(), &described(1));
-    assert!(matches!(space.point(&wrong), Err(SpaceError::Recipe { .. })));
+    let wrong = features(&FeatureSet::plain(), &described(1));
+    assert!(matches!(space.point(&wrong), Err(SpaceError::FeatureSet { .. })));
     let unnamed = Definition { name: String::new(), ..definition };
     assert!(matches!(Space::fit(&unnamed, &own, None, &Prior::none()), Err(SpaceError::Name { .. })));
 }

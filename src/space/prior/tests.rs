@@ -20,13 +20,13 @@ fn a_prior_is_the_statistics_it_was_made_of() {
     let observations = observations();
     let prior = Prior::decode(&observations.encode()).unwrap();
     assert_eq!((prior.textures(), prior.weight()), (30, WEIGHT));
-    let model = prior.model(&Recipe::stored()).unwrap();
+    let model = prior.model(&FeatureSet::stored()).unwrap();
     assert_eq!(model.mean, observations.pooled.mean());
     assert!(close(&model.between, &observations.pooled.between(), 1e-6));
     assert!(close(&model.within, &observations.pooled.within().unwrap(), 1e-6));
     assert!(close(&model.nuisance, &observations.nuisance.covariance(), 1e-6));
-    let views = [Recipe::stored().views()[4], Recipe::stored().views()[1]];
-    let part = prior.model(&Recipe::new(Form::Pooled, &views).unwrap()).unwrap();
+    let views = [FeatureSet::stored().views()[4], FeatureSet::stored().views()[1]];
+    let part = prior.model(&FeatureSet::new(FeatureForm::Pooled, &views).unwrap()).unwrap();
     assert_eq!((part.mean.len(), part.mean[0], part.mean[35]), (70, model.mean[35], model.mean[4 * 35]));
     assert_eq!(part.between[(1, 36)], model.between[(36, 4 * 35 + 1)]);
 }
@@ -34,7 +34,7 @@ fn a_prior_is_the_statistics_it_was_made_of() {
 #[test]
 fn the_oriented_part_prefers_no_direction() {
     let observations = observations();
-    let model = Prior::decode(&observations.encode()).unwrap().model(&Recipe::oriented()).unwrap();
+    let model = Prior::decode(&observations.encode()).unwrap().model(&FeatureSet::oriented()).unwrap();
     for symmetry in symmetries() {
         let turned = |mask: usize| usize::from(symmetry[mask]);
         for (i, j) in [(3, 3), (0, 200), (17, 90), (250, 101)] {
@@ -50,13 +50,17 @@ fn the_oriented_part_prefers_no_direction() {
 #[test]
 fn other_recipes_have_no_prior() {
     let prior = Prior::decode(&observations().encode()).unwrap();
-    let of = |form, views: &[hlac::View]| Recipe::new(form, views).unwrap();
-    assert!(prior.knows(&of(Form::Pooled, &hlac::View::LIKENESS[3..5])) && prior.knows(&Recipe::oriented()));
-    assert!(prior.knows(&of(Form::Pooled, &[hlac::View::Full])));
-    for recipe in [of(Form::Pooled, &[hlac::View::ALL[8]]), of(Form::Roots, &[hlac::View::Full]), Recipe::plain()] {
-        assert!(!prior.knows(&recipe) && prior.model(&recipe).is_none());
+    let of = |form, views: &[hlac::View]| FeatureSet::new(form, views).unwrap();
+    assert!(prior.knows(&of(FeatureForm::Pooled, &hlac::View::LIKENESS[3..5])) && prior.knows(&FeatureSet::oriented()));
+    assert!(prior.knows(&of(FeatureForm::Pooled, &[hlac::View::Full])));
+    for feature_set in [
+        of(FeatureForm::Pooled, &[hlac::View::ALL[8]]),
+        of(FeatureForm::Roots, &[hlac::View::Full]),
+        FeatureSet::plain(),
+    ] {
+        assert!(!prior.knows(&feature_set) && prior.model(&feature_set).is_none());
     }
-    assert!(Prior::none().model(&Recipe::pooled()).is_none());
+    assert!(Prior::none().model(&FeatureSet::pooled()).is_none());
 }
 
 #[test]
@@ -78,11 +82,11 @@ fn a_heavy_prior_and_many_textures_pull_against_each_other() {
     let prior = Prior::decode(&observations().encode()).unwrap();
     let definition = Definition::built_in("default").unwrap();
     let textures: Vec<_> = (200..212).map(described).collect();
-    let own = crate::space::fixtures::statistics(&definition.recipe, &textures);
-    let none = Statistics::new(&definition.recipe);
+    let own = crate::space::fixtures::statistics(&definition.feature_set, &textures);
+    let none = Statistics::new(&definition.feature_set);
     let point = |statistics: &Statistics, prior: Prior| {
         let space = Space::fit(&definition, statistics, None, &prior).unwrap();
-        space.point(&features(space.recipe(), &textures[0])).unwrap()
+        space.point(&features(space.feature_set(), &textures[0])).unwrap()
     };
     let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     let known = point(&none, prior.clone());
@@ -98,8 +102,8 @@ fn the_shipped_bytes_are_known() {
     assert!(bytes.len() < 400_000, "{} bytes", bytes.len());
     let prior = Prior::decode(bytes).unwrap();
     let definition = Definition::built_in("default").unwrap();
-    let space = Space::fit(&definition, &Statistics::new(&definition.recipe), None, &prior).unwrap();
-    let point = space.point(&features(space.recipe(), &described(1))).unwrap();
+    let space = Space::fit(&definition, &Statistics::new(&definition.feature_set), None, &prior).unwrap();
+    let point = space.point(&features(space.feature_set(), &described(1))).unwrap();
     let bits: Vec<u32> = point[..4].iter().map(|coordinate| coordinate.to_bits()).collect();
     let hash = xxhash_rust::xxh3::xxh3_64(bytemuck::cast_slice(&point));
     assert_eq!(

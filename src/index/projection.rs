@@ -3,7 +3,7 @@
 //! They need not be the principal axes exactly: whatever they are, projecting on them brings no two points farther apart,
 //! so bounds hold; the better they are, the tighter. Orthogonal iteration on the covariance of a sample finds them.
 
-use super::bound::DIRECTIONS;
+use super::lower_bound::DIRECTIONS;
 
 /// Coordinates of greater magnitude are not turned: their squares would strain the arithmetic.
 const MAGNITUDE: f32 = (1u64 << 60) as f32;
@@ -16,12 +16,12 @@ const ROUNDS: usize = 12;
 
 /// Orthonormal directions, by falling spread, and the mean of nothing: points are projected as they are.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Turn {
+pub(super) struct Projection {
     /// For each coordinate its share in each direction: rows of [`DIRECTIONS`].
     shares: Vec<[f64; DIRECTIONS]>,
 }
 
-impl Turn {
+impl Projection {
     /// The directions in which `rows`, points of `dims` coordinates one after another, vary most; `order` has the
     /// coordinates by falling spread. `None` where coordinates are too great or not finite.
     pub(super) fn learned(dims: usize, rows: &[f32], order: &[usize]) -> Option<Self> {
@@ -164,7 +164,7 @@ mod tests {
             let value = |at: usize| if equal { rows[at % dims] } else if at % dims >= flat { 0.25 } else { rows[at] };
             let rows: Vec<f32> = (0..count * dims).map(value).collect();
             let order: Vec<usize> = (0..dims).rev().collect();
-            let Some(turn) = Turn::learned(dims, &rows, &order) else { return Ok(()) };
+            let Some(turn) = Projection::learned(dims, &rows, &order) else { return Ok(()) };
             for i in 0..DIRECTIONS {
                 for j in 0..DIRECTIONS {
                     let product: f64 = turn.shares.iter().map(|shares| shares[i] * shares[j]).sum();
@@ -187,9 +187,9 @@ mod tests {
                 ((at / 20) as f32 * 0.01 - 1.5) * if at % 2 == 0 { 1.0 } else { -1.0 } + (at * 7 % 13) as f32 * 1e-3
             })
             .collect();
-        let turn = Turn::learned(20, &rows, &(0..20).collect::<Vec<_>>()).unwrap();
+        let turn = Projection::learned(20, &rows, &(0..20).collect::<Vec<_>>()).unwrap();
         let (along, left) = turn.along(&rows[..20]);
         assert!(along[0].abs() > 6.0 && left[1] < 0.2, "{along:?} {left:?}");
-        assert!(Turn::learned(20, &[f32::MAX; 40], &(0..20).collect::<Vec<_>>()).is_none());
+        assert!(Projection::learned(20, &[f32::MAX; 40], &(0..20).collect::<Vec<_>>()).is_none());
     }
 }

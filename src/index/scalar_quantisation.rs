@@ -7,16 +7,16 @@
 
 use rayon::prelude::*;
 
-use super::Metric;
+use crate::space::Metric;
 
-/// Steps from 0 to 1, or to the number that is farthest from the middle.
+/// Quantiser from 0 to 1, or to the number that is farthest from the middle.
 pub(super) const STEPS: f32 = 127.0;
 
 /// The code of a coordinate that is not finite.
 pub const NO_POINT: i8 = i8::MIN;
 
 /// The codes of a point's coordinates in steps of 1/127, cut at -1 and 1; [`NO_POINT`] where one is not finite.
-pub fn codes(point: &[f32]) -> impl Iterator<Item = i8> + '_ {
+pub fn quantise(point: &[f32]) -> impl Iterator<Item = i8> + '_ {
     let code = |coordinate: f32| (coordinate.clamp(-1.0, 1.0) * STEPS).round_ties_even() as i8;
     point.iter().map(move |&coordinate| if coordinate.is_finite() { code(coordinate) } else { NO_POINT })
 }
@@ -59,24 +59,24 @@ pub(super) fn threshold(metric: Metric, reach: f64) -> u32 {
 const PART: usize = 4096;
 
 /// How numbers become codes: in steps of one size, as fine as the number that varies most allows.
-pub(super) struct Steps {
+pub(super) struct Quantiser {
     pub(super) metric: Metric,
     /// What the code 0 stands for.
     middles: Vec<f64>,
-    /// Steps of one unit.
+    /// Quantiser of one unit.
     scale: f64,
     /// The greatest distance of anything coded from what its code stands for.
     error: f64,
 }
 
 /// A query's code, and how much the distance of two codes may exceed that of what they stand for.
-pub(super) struct Coded {
+pub(super) struct QuantisedQuery {
     pub(super) code: Vec<i16>,
     slack: f64,
 }
 
-impl Steps {
-    /// Steps for the `dims` numbers that `numbers` gives of each row, and their codes.
+impl Quantiser {
+    /// Quantiser for the `dims` numbers that `numbers` gives of each row, and their codes.
     pub(super) fn code(
         metric: Metric,
         rows: &[u32],
@@ -137,14 +137,14 @@ impl Steps {
     }
 
     /// A query's code.
-    pub(super) fn of(&self, numbers: &[f32]) -> Coded {
+    pub(super) fn of(&self, numbers: &[f32]) -> QuantisedQuery {
         let mut code = vec![0; numbers.len()];
         let slack = (self.error + self.put(numbers, &mut code)) * (1.0 + 1e-9);
-        Coded { code: code.into_iter().map(i16::from).collect(), slack }
+        QuantisedQuery { code: code.into_iter().map(i16::from).collect(), slack }
     }
 
     /// What is at most `limit` away has codes at most this far away.
-    pub(super) fn threshold(&self, own: &Coded, limit: f64) -> u32 {
+    pub(super) fn threshold(&self, own: &QuantisedQuery, limit: f64) -> u32 {
         threshold(self.metric, (limit + own.slack) * self.scale)
     }
 }
@@ -165,7 +165,7 @@ mod tests {
             let metric = if l1 { Metric::L1 } else { Metric::L2 };
             let rows: Vec<u32> = (0..(values.len() / dims) as u32).collect();
             let point = |row: usize| &values[row * dims..][..dims];
-            let (steps, codes) = Steps::code(metric, &rows, dims, |row, into| into.copy_from_slice(point(row)));
+            let (steps, codes) = Quantiser::code(metric, &rows, dims, |row, into| into.copy_from_slice(point(row)));
             for query in [&query[..dims], point(0)] {
                 let own = steps.of(query);
                 for (&row, code) in rows.iter().zip(codes.chunks_exact(dims)) {
@@ -179,14 +179,14 @@ mod tests {
     #[test]
     fn codes_are_frozen() {
         assert_eq!(
-            codes(&[0.0, 1.0, -1.0, 7.0, 0.5, -0.004, f32::NAN]).collect::<Vec<_>>(),
+            quantise(&[0.0, 1.0, -1.0, 7.0, 0.5, -0.004, f32::NAN]).collect::<Vec<_>>(),
             [0, 127, -127, 127, 64, -1, -128]
         );
     }
 
     #[test]
     fn equal_rows_have_equal_codes() {
-        let (steps, codes) = Steps::code(Metric::L2, &[0, 1], 3, |_, into| into.fill(7.5));
+        let (steps, codes) = Quantiser::code(Metric::L2, &[0, 1], 3, |_, into| into.fill(7.5));
         assert_eq!((codes, steps.error), (vec![0; 6], 0.0));
     }
 }

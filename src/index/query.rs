@@ -7,7 +7,7 @@ use super::{IndexError, Neighbour};
 
 /// Which rows may be hits. A filter comes before `k`: the answer is the `k` nearest of the allowed ones.
 #[derive(Clone, Copy, Default)]
-pub enum Allowed<'a> {
+pub enum IdFilter<'a> {
     /// All of them.
     #[default]
     All,
@@ -15,27 +15,27 @@ pub enum Allowed<'a> {
     Ids(&'a [u64]),
     /// Those for whose id this is true. It is called for few rows (those that would be hits), from any thread, and
     /// must always answer the same.
-    When(&'a (dyn Fn(u64) -> bool + Sync)),
+    Predicate(&'a (dyn Fn(u64) -> bool + Sync)),
 }
 
-impl Allowed<'_> {
+impl IdFilter<'_> {
     /// Whether this id may be a hit.
     #[inline]
     pub fn allows(&self, id: u64) -> bool {
         match self {
-            Allowed::All => true,
-            Allowed::Ids(ids) => ids.binary_search(&id).is_ok(),
-            Allowed::When(test) => test(id),
+            IdFilter::All => true,
+            IdFilter::Ids(ids) => ids.binary_search(&id).is_ok(),
+            IdFilter::Predicate(test) => test(id),
         }
     }
 }
 
-impl fmt::Debug for Allowed<'_> {
+impl fmt::Debug for IdFilter<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Allowed::All => f.write_str("All"),
-            Allowed::Ids(ids) => write!(f, "Ids({})", ids.len()),
-            Allowed::When(_) => f.write_str("When"),
+            IdFilter::All => f.write_str("All"),
+            IdFilter::Ids(ids) => write!(f, "Ids({})", ids.len()),
+            IdFilter::Predicate(_) => f.write_str("Predicate"),
         }
     }
 }
@@ -43,17 +43,18 @@ impl fmt::Debug for Allowed<'_> {
 /// A question: which points are nearest to this one?
 ///
 /// ```
-/// use hlacdb::index::{Index, Method, Metric, Question};
+/// use hlacdb::index::{Index, KnnQuery, Method};
+/// use hlacdb::space::Metric;
 /// let mut index = Index::new(Metric::L2, 2)?;
 /// for (id, point) in [(1, [0.0, 0.0]), (2, [1.0, 0.0]), (3, [5.0, 0.0])] {
 ///     index.push(id, &point)?;
 /// }
-/// let hits = index.search(&Question::nearest(&[0.0, 0.0], 10).within(2.0).exclude(1), Method::Auto)?;
+/// let hits = index.search(&KnnQuery::nearest(&[0.0, 0.0], 10).within(2.0).exclude(1), Method::Auto)?;
 /// assert_eq!((hits.len(), hits[0].id, hits[0].distance), (1, 2, 1.0));
 /// # Ok::<(), hlacdb::index::IndexError>(())
 /// ```
 #[derive(Debug, Clone, Copy)]
-pub struct Question<'a> {
+pub struct KnnQuery<'a> {
     /// The point: as many finite coordinates as the index has.
     pub point: &'a [f32],
     /// How many neighbours at most, from 1; there is no ceiling, `usize::MAX` asks for all.
@@ -61,15 +62,15 @@ pub struct Question<'a> {
     /// Only neighbours at most this far away (inclusive).
     pub within: Option<f64>,
     /// Only these, filtered before `k`.
-    pub allowed: Allowed<'a>,
+    pub filter: IdFilter<'a>,
     /// Not this one: the texture that the question is about.
     pub exclude: Option<u64>,
 }
 
-impl<'a> Question<'a> {
+impl<'a> KnnQuery<'a> {
     /// The `k` nearest points.
     pub fn nearest(point: &'a [f32], k: usize) -> Self {
-        Self { point, k, within: None, allowed: Allowed::All, exclude: None }
+        Self { point, k, within: None, filter: IdFilter::All, exclude: None }
     }
 
     /// All points at most `radius` away.
@@ -83,8 +84,8 @@ impl<'a> Question<'a> {
     }
 
     /// The same question about fewer rows.
-    pub fn allowed(self, allowed: Allowed<'a>) -> Self {
-        Self { allowed, ..self }
+    pub fn filter(self, filter: IdFilter<'a>) -> Self {
+        Self { filter, ..self }
     }
 
     /// The same question without this row.
@@ -103,7 +104,7 @@ impl<'a> Question<'a> {
         {
             return Err(IndexError::Radius { radius });
         }
-        if let Allowed::Ids(ids) = self.allowed
+        if let IdFilter::Ids(ids) = self.filter
             && let Some(position) = ids.windows(2).position(|pair| pair[0] >= pair[1])
         {
             return Err(IndexError::AllowedOrder { position: position + 1 });
@@ -114,7 +115,7 @@ impl<'a> Question<'a> {
     /// Whether the filter, the excluded id aside, lets this row through.
     #[inline]
     pub(super) fn admits(&self, id: u64) -> bool {
-        self.exclude != Some(id) && self.allowed.allows(id)
+        self.exclude != Some(id) && self.filter.allows(id)
     }
 }
 
@@ -130,19 +131,19 @@ pub(super) fn check_point(point: &[f32], dims: usize) -> Result<(), IndexError> 
 }
 
 /// The best neighbours so far: at most `k`, none farther than the radius.
-pub(super) struct Best {
+pub(super) struct TopK {
     k: usize,
     radius: f64,
     heap: BinaryHeap<Neighbour>,
 }
 
-impl Best {
+impl TopK {
     /// Nothing found yet, out of at most `rows`.
-    pub(super) fn new(question: &Question<'_>, rows: usize) -> Self {
-        let k = question.k.min(rows);
+    pub(super) fn new(query: &KnnQuery<'_>, rows: usize) -> Self {
+        let k = query.k.min(rows);
         // A radius usually leaves few: memory for a huge k is taken only as hits come.
         let heap = BinaryHeap::with_capacity(k.min(1024) + 1);
-        Self { k, radius: question.within.unwrap_or(f64::INFINITY), heap }
+        Self { k, radius: query.within.unwrap_or(f64::INFINITY), heap }
     }
 
     /// No neighbour farther than this can still come in; one at this very distance may, by a lower id.

@@ -1,23 +1,24 @@
 //! The scan of a store that was just opened: codes are read from one end to the other, points only where they matter.
 //!
-//! A store keeps a *code* of every point ([`codes`]) apart from the points: each coordinate in steps of 1/127, one byte.
+//! A store keeps a *code* of every point ([`quantise`]) apart from the points: each coordinate in steps of 1/127, one byte.
 //! A code is off by at most half a step in each coordinate, so the distance of two codes tells that of their points to
-//! within a known margin, from a quarter of the bytes. [`ColdScan`] takes the codes block by block; now and then
-//! [`ColdScan::settle`] measures the nearest rows so far, whose distances tell which of the others, and of those to come,
+//! within a known margin, from a quarter of the bytes. [`DiskScan`] takes the codes block by block; now and then
+//! [`DiskScan::settle`] measures the nearest rows so far, whose distances tell which of the others, and of those to come,
 //! cannot matter. The answer is that of [`super::Index::search`] to the bit.
 //!
 //! # The margin
 //!
 //! With `c(x)` the coordinates cut to [-1, 1] and `r(x)` those in whole steps: cutting brings no two points farther apart,
 //! and `|r(x)/127 - c(x)|` is at most `1/254` in each coordinate, so `e = sqrt(d)/254` (L2) or `d/254` (L1) in all. The
-//! query's own error is known. So `distance(r(x), r(q)) / 127 <= distance(x, q) + e + own error` (see `codes.rs`).
+//! query's own error is known. So `distance(r(x), r(q)) / 127 <= distance(x, q) + e + own error` (see `scalar_quantisation.rs`).
 //!
 //! Measured (a million points of a store of moments, 32 coordinates, k = 10): seven leading coordinates and the norm of the
 //! rest (32 bytes a row as well) left some thousand rows to fetch, codes leave some dozen.
 
-use super::codes::{self, NO_POINT, STEPS};
-use super::question::Best;
-use super::{IndexError, Metric, Neighbour, Question};
+use super::query::TopK;
+use super::scalar_quantisation::{self, NO_POINT, STEPS, quantise};
+use super::{IndexError, KnnQuery, Neighbour};
+use crate::space::Metric;
 
 /// A row that may matter.
 #[derive(Clone, Copy)]
@@ -31,26 +32,26 @@ struct Candidate {
 const MANY: usize = 4096;
 
 /// One question on its way through a store. See the module.
-pub struct ColdScan<'q> {
+pub struct DiskScan<'q> {
     metric: Metric,
-    question: Question<'q>,
+    query: KnnQuery<'q>,
     codes: Vec<i16>,
     /// How much the distance of two codes may exceed that of their points.
     slack: f64,
-    best: Best,
+    best: TopK,
     candidates: Vec<Candidate>,
 }
 
-impl<'q> ColdScan<'q> {
+impl<'q> DiskScan<'q> {
     /// A question about at most `rows` points of `dims` coordinates. Refuses what [`super::Index::search`] refuses.
-    pub fn new(metric: Metric, dims: usize, rows: usize, question: Question<'q>) -> Result<Self, IndexError> {
+    pub fn new(metric: Metric, dims: usize, rows: usize, query: KnnQuery<'q>) -> Result<Self, IndexError> {
         if dims == 0 {
             return Err(IndexError::NoCoordinates);
         }
-        question.check(dims)?;
-        let codes: Vec<i16> = codes::codes(question.point).map(i16::from).collect();
+        query.check(dims)?;
+        let codes: Vec<i16> = quantise(query.point).map(i16::from).collect();
         let whole: Vec<f32> = codes.iter().map(|&code| f32::from(code) / STEPS).collect();
-        let cut: Vec<f32> = question.point.iter().map(|coordinate| coordinate.clamp(-1.0, 1.0)).collect();
+        let cut: Vec<f32> = query.point.iter().map(|coordinate| coordinate.clamp(-1.0, 1.0)).collect();
         let half = 0.5 / f64::from(STEPS);
         let others = match metric {
             Metric::L2 => half * (dims as f64).sqrt(),
@@ -58,8 +59,8 @@ impl<'q> ColdScan<'q> {
         };
         // Products and quotients in `f32` may tip a coordinate over half a step by a rounding.
         let slack = (others + metric.distance(&whole, &cut)) * (1.0 + 1e-6) + 1e-6 * dims as f64;
-        let best = Best::new(&question, rows);
-        Ok(Self { metric, question, codes, slack, best, candidates: vec![] })
+        let best = TopK::new(&query, rows);
+        Ok(Self { metric, query, codes, slack, best, candidates: vec![] })
     }
 
     /// Takes the codes of rows `first`, `first + 1`, ..., a byte for each coordinate of each of `ids`; a row begins every
@@ -68,9 +69,9 @@ impl<'q> ColdScan<'q> {
     pub fn codes(&mut self, first: usize, ids: &[u64], stride: usize, codes: &[i8], live: impl Fn(usize) -> bool) {
         let threshold = self.threshold();
         for ((row, &id), code) in (first..).zip(ids).zip(codes.chunks_exact(stride.max(self.codes.len()))) {
-            let bound = codes::distance(self.metric, code, &self.codes);
+            let bound = scalar_quantisation::distance(self.metric, code, &self.codes);
             let there = code.first() != Some(&NO_POINT);
-            if bound <= threshold && there && live(row) && self.question.admits(id) {
+            if bound <= threshold && there && live(row) && self.query.admits(id) {
                 self.candidates.push(Candidate { bound, row, id });
             }
         }
@@ -78,10 +79,10 @@ impl<'q> ColdScan<'q> {
 
     /// Rows that may come in have a bound of at most this.
     fn threshold(&self) -> u32 {
-        codes::threshold(self.metric, (self.best.limit() + self.slack) * f64::from(STEPS))
+        scalar_quantisation::threshold(self.metric, (self.best.limit() + self.slack) * f64::from(STEPS))
     }
 
-    /// Whether so many rows wait that [`ColdScan::settle`] is worth its reading.
+    /// Whether so many rows wait that [`DiskScan::settle`] is worth its reading.
     pub fn is_full(&self) -> bool {
         self.candidates.len() > MANY
     }
@@ -102,7 +103,7 @@ impl<'q> ColdScan<'q> {
         Ok(())
     }
 
-    /// The neighbours, nearest first. `fetch` as for [`ColdScan::settle`].
+    /// The neighbours, nearest first. `fetch` as for [`DiskScan::settle`].
     pub fn finish<E>(
         mut self,
         mut fetch: impl FnMut(usize, &mut Vec<f32>) -> Result<(), E>,
@@ -116,14 +117,14 @@ impl<'q> ColdScan<'q> {
     fn measure<E>(&mut self, mut fetch: impl FnMut(usize, &mut Vec<f32>) -> Result<(), E>) -> Result<(), E> {
         let mut candidates = std::mem::take(&mut self.candidates);
         candidates.sort_unstable_by_key(|candidate| (candidate.bound, candidate.row));
-        let mut coordinates = Vec::with_capacity(self.question.point.len());
+        let mut coordinates = Vec::with_capacity(self.query.point.len());
         for candidate in candidates {
             if candidate.bound > self.threshold() {
                 break;
             }
             coordinates.clear();
             fetch(candidate.row, &mut coordinates)?;
-            let distance = self.metric.distance(self.question.point, &coordinates);
+            let distance = self.metric.distance(self.query.point, &coordinates);
             self.best.offer(Neighbour { id: candidate.id, distance });
         }
         Ok(())
@@ -132,7 +133,7 @@ impl<'q> ColdScan<'q> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Allowed, Index, Method, Points};
+    use super::super::{IdFilter, Index, Method, Points};
     use super::*;
     use proptest::prelude::*;
 
@@ -161,12 +162,12 @@ mod tests {
             let mut points = Points::from_rows(metric, dims, &ids, &rows.concat()).unwrap();
             points.remove(9);
             let some = |id: u64| id.is_multiple_of(share);
-            let question = Question { point: rows[0], k, within: radius, allowed: Allowed::When(&some), exclude: Some(3) };
-            let expected = Index::from_points(points).search(&question, Method::Linear).unwrap();
+            let query = KnnQuery { point: rows[0], k, within: radius, filter: IdFilter::Predicate(&some), exclude: Some(3) };
+            let expected = Index::from_points(points).search(&query, Method::Linear).unwrap();
 
-            let coded: Vec<i8> = rows.iter().flat_map(|row| codes::codes(row)).collect();
+            let coded: Vec<i8> = rows.iter().flat_map(|row| quantise(row)).collect();
             let fetch = |row: usize, into: &mut Vec<f32>| { into.extend(rows[row]); Ok::<(), ()>(()) };
-            let mut scan = ColdScan::new(metric, dims, ids.len(), question).unwrap();
+            let mut scan = DiskScan::new(metric, dims, ids.len(), query).unwrap();
             for first in (0..ids.len()).step_by(part) {
                 let end = ids.len().min(first + part);
                 scan.codes(first, &ids[first..end], dims, &coded[first * dims..], |row| row != 3);
@@ -183,10 +184,10 @@ mod tests {
         const ROWS: usize = 20_000;
         let value = |row: usize, i: usize| ((row * 31 + 7) as f32 * (i as f32 + 1.3).sqrt()).sin() / 3.0;
         let point = |row: usize| (0..8).map(|i| value(row, i)).collect::<Vec<f32>>();
-        let question = point(ROWS + 3);
+        let query = point(ROWS + 3);
         let ids: Vec<u64> = (0..ROWS as u64).collect();
-        let coded: Vec<i8> = (0..ROWS).flat_map(|row| codes::codes(&point(row)).collect::<Vec<_>>()).collect();
-        let mut scan = ColdScan::new(Metric::L2, 8, ROWS, Question::nearest(&question, 10)).unwrap();
+        let coded: Vec<i8> = (0..ROWS).flat_map(|row| quantise(&point(row)).collect::<Vec<_>>()).collect();
+        let mut scan = DiskScan::new(Metric::L2, 8, ROWS, KnnQuery::nearest(&query, 10)).unwrap();
         scan.codes(0, &ids, 8, &coded, |_| true);
         let mut fetched = 0;
         let fetch = |row: usize, into: &mut Vec<f32>| {
@@ -200,8 +201,8 @@ mod tests {
 
     #[test]
     fn rows_without_a_point_are_no_hits() {
-        let mut scan = ColdScan::new(Metric::L2, 9, 2, Question::nearest(&[0.0; 9], 5)).unwrap();
-        let coded: Vec<i8> = codes::codes(&[f32::NAN; 9]).chain(codes::codes(&[1.0; 9])).collect();
+        let mut scan = DiskScan::new(Metric::L2, 9, 2, KnnQuery::nearest(&[0.0; 9], 5)).unwrap();
+        let coded: Vec<i8> = quantise(&[f32::NAN; 9]).chain(quantise(&[1.0; 9])).collect();
         scan.codes(0, &[5, 6], 9, &coded, |_| true);
         let hits = scan
             .finish(|row, into| {
@@ -214,7 +215,7 @@ mod tests {
 
     #[test]
     fn an_error_of_the_store_ends_the_scan() {
-        let mut scan = ColdScan::new(Metric::L2, 1, 1, Question::nearest(&[0.0], 1)).unwrap();
+        let mut scan = DiskScan::new(Metric::L2, 1, 1, KnnQuery::nearest(&[0.0], 1)).unwrap();
         scan.codes(0, &[5], 1, &[127], |_| true);
         assert_eq!(scan.finish(|_, _| Err("damaged")), Err("damaged"));
     }

@@ -1,11 +1,11 @@
 //! The widest vectors of the machine for code that says nothing of vectors, and reading ahead.
 //!
-//! What is inlined into [`with_wide_vectors`] is compiled twice: for the least machine, and for AVX2. Rust neither reorders nor
+//! What is inlined into [`multiversioned`] is compiled twice: for the least machine, and for AVX2. Rust neither reorders nor
 //! contracts floating-point arithmetic, so both give the same bits.
 
 /// Does `work`, with 256-bit vectors where the machine has them. Mark `#[inline(always)]` what they should be used in.
 #[inline(always)]
-pub(super) fn with_wide_vectors<T>(work: impl FnOnce() -> T) -> T {
+pub(super) fn multiversioned<T>(work: impl FnOnce() -> T) -> T {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: the machine has AVX2, as was just asked.
@@ -23,7 +23,7 @@ fn with_avx2<T>(work: impl FnOnce() -> T) -> T {
 
 /// Asks for memory that will be read soon, where the machine can be asked (x86-64); does nothing else.
 #[inline(always)]
-pub(super) fn read_ahead<T>(values: &[T]) {
+pub(super) fn prefetch<T>(values: &[T]) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};

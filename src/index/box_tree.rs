@@ -2,7 +2,7 @@
 //!
 //! Rows are put in order by halving them again and again, each part where its keys vary most (a k-d order that looks at
 //! the rows, not at the level), so 16 of them (a *block*) have a small bounding box, and so have 16 blocks (a *group*)
-//! and 16 groups (a *cluster*). Rows are bounded by codes (see `codes.rs`), of their keys first and then of their points: 15
+//! and 16 groups (a *cluster*). Rows are bounded by codes (see `scalar_quantisation.rs`), of their keys first and then of their points: 15
 //! and 32 bytes instead of 64 and 128, so that a million rows of 32 coordinates take 55 MB here. Boxes are of the keys'
 //! codes too, and as these are whole numbers a box is never farther away than a code in it. Boxes and codes stand interleaved:
 //! one pass bounds 16 clusters, another the 16 groups of a cluster, another the 16 blocks of a group, another the 16 rows
@@ -14,7 +14,7 @@
 //!   180 us at 100 k rows, 550 instead of 870 us at 1 M. Codes of points instead of finer keys (7 more directions in
 //!   `f32`), which leave tens of rows to measure instead of hundreds: 490 us at 1 M. Codes of keys and no branches on
 //!   what was just read: 410 us. No proposals of another tree before: 68 us at 100 k, 260 us at 1 M.
-//! * Won: the same code compiled for AVX2 as well (see `wide.rs`): medians of four alternating runs of the program 440 -> 330 us at
+//! * Won: the same code compiled for AVX2 as well (see `multiversion.rs`): medians of four alternating runs of the program 440 -> 330 us at
 //!   1 M rows, 100 -> 75 us at 100 k.
 //! * Won: asking for blocks before they are looked at, and boxes of all 15 numbers: 270 -> 220 us at 1 M in the middle of three
 //!   alternating runs (boxes of codes of 8 or 11 numbers were no better than those of 8 in `f32`).
@@ -24,10 +24,11 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::bound::{LANES, Probe};
-use super::codes::{self, Coded, Steps};
-use super::wide::{read_ahead, with_wide_vectors};
-use super::{Metric, Points};
+use super::Points;
+use super::lower_bound::{LANES, Probe};
+use super::multiversion::{multiversioned, prefetch};
+use super::scalar_quantisation::{self, QuantisedQuery, Quantiser};
+use crate::space::Metric;
 
 /// Rows in a group and in a cluster.
 const GROUP: usize = LANES * LANES;
@@ -37,29 +38,29 @@ const CLUSTER: usize = GROUP * LANES;
 pub(super) type Entry<const K: usize> = (u32, [f32; K]);
 
 /// Keys of rows, and the boxes around them.
-pub(super) struct Packed {
+pub(super) struct BoxTree {
     /// Rows by their places, which the order gave them.
     rows: Vec<u32>,
     /// Codes of keys, an array for each of their numbers for every block.
     keys: Vec<[i8; LANES]>,
-    key_steps: Steps,
+    key_steps: Quantiser,
     /// Codes of points, `dims` for every place.
     codes: Vec<i8>,
-    steps: Steps,
+    steps: Quantiser,
     blocks: Boxes,
     groups: Boxes,
     clusters: Boxes,
 }
 
-impl Packed {
+impl BoxTree {
     /// Puts rows of `points` in order and packs them, by the threads of the current rayon pool where they are many.
     pub(super) fn new<const K: usize>(points: &Points, mut entries: Vec<Entry<K>>) -> Self {
         arrange(&mut entries);
         let rows: Vec<u32> = entries.iter().map(|&(row, _)| row).collect();
         let (key_steps, key_codes) =
-            Steps::code(points.metric(), &rows, points.key_numbers(), |row, into| points.all_keys(row, into));
+            Quantiser::code(points.metric(), &rows, points.key_numbers(), |row, into| points.all_keys(row, into));
         let (steps, codes) =
-            Steps::code(points.metric(), &rows, points.dims(), |row, into| into.copy_from_slice(points.row(row)));
+            Quantiser::code(points.metric(), &rows, points.dims(), |row, into| into.copy_from_slice(points.row(row)));
         let keys = interleaved(&key_codes, points.key_numbers());
         let blocks = Boxes::around(points.metric(), &keys, points.key_numbers(), rows.len());
         let groups = blocks.around_sixteens();
@@ -80,7 +81,7 @@ impl Packed {
         limit: f64,
         visit: impl FnMut(u32) -> Option<f64>,
     ) -> bool {
-        with_wide_vectors(
+        multiversioned(
             #[inline(always)]
             || self.sweep_here(point, probe, limit, visit),
         )
@@ -104,14 +105,14 @@ impl Packed {
             blocks.clear();
             for (at, &(_, group)) in near.iter().enumerate() {
                 if let Some(&(_, soon)) = near.get(at + AHEAD) {
-                    self.blocks.read_ahead(soon);
+                    self.blocks.prefetch(soon);
                 }
                 self.blocks.within(group, &own_key, threshold, &mut blocks);
             }
             places.clear();
             for (at, &(_, block)) in blocks.iter().enumerate() {
                 if let Some(&(_, soon)) = blocks.get(at + AHEAD) {
-                    read_ahead(self.keys_of(soon));
+                    prefetch(self.keys_of(soon));
                 }
                 self.rows_within(block, &own_key, threshold, &mut places);
             }
@@ -119,7 +120,7 @@ impl Packed {
             let mut coded = Vec::with_capacity(places.len());
             for (at, &place) in places.iter().enumerate() {
                 if let Some(&soon) = places.get(at + AHEAD) {
-                    read_ahead(self.code(soon));
+                    prefetch(self.code(soon));
                 }
                 let bound = self.bound(place, &own);
                 if bound <= code_threshold {
@@ -145,7 +146,7 @@ impl Packed {
 
     /// The groups that are at most `threshold` away, and how far.
     #[inline(always)]
-    fn groups_within(&self, own: &Coded, threshold: f32) -> Vec<(f32, u32)> {
+    fn groups_within(&self, own: &QuantisedQuery, threshold: f32) -> Vec<(f32, u32)> {
         let (mut clusters, mut groups) = (vec![], vec![]);
         for sixteen in 0..self.clusters.sixteens() {
             self.clusters.within(sixteen as u32, own, threshold, &mut clusters);
@@ -158,7 +159,7 @@ impl Packed {
 
     /// Appends the places of the rows of a block whose keys' codes are at most `threshold` away.
     #[inline(always)]
-    fn rows_within(&self, block: u32, own: &Coded, threshold: f32, places: &mut Vec<u32>) {
+    fn rows_within(&self, block: u32, own: &QuantisedQuery, threshold: f32, places: &mut Vec<u32>) {
         let (first, keys) = (block * LANES as u32, self.keys_of(block));
         let bounds = match self.key_steps.metric {
             Metric::L2 => add_lanes(keys, &own.code, |d| d * d),
@@ -191,8 +192,8 @@ impl Packed {
 
     /// The distance of the point at a place from a query, in codes.
     #[inline(always)]
-    fn bound(&self, place: u32, own: &Coded) -> u32 {
-        codes::distance(self.steps.metric, self.code(place), &own.code)
+    fn bound(&self, place: u32, own: &QuantisedQuery) -> u32 {
+        scalar_quantisation::distance(self.steps.metric, self.code(place), &own.code)
     }
 }
 
@@ -332,17 +333,17 @@ impl Boxes {
 
     /// Asks for 16 boxes that will be looked at soon.
     #[inline(always)]
-    fn read_ahead(&self, sixteen: u32) {
+    fn prefetch(&self, sixteen: u32) {
         let sixteen = sixteen as usize;
         if let Some(boxes) = self.lanes.get(sixteen * self.numbers * 2..(sixteen + 1) * self.numbers * 2) {
-            read_ahead(boxes);
+            prefetch(boxes);
         }
     }
 
     /// Appends those of the `sixteen`th 16 boxes (none where there are no more) that are at most `threshold` away, and how
     /// far.
     #[inline(always)]
-    fn within(&self, sixteen: u32, own: &Coded, threshold: f32, found: &mut Vec<(f32, u32)>) {
+    fn within(&self, sixteen: u32, own: &QuantisedQuery, threshold: f32, found: &mut Vec<(f32, u32)>) {
         let sixteen = sixteen as usize;
         let Some(boxes) = self.lanes.get(sixteen * self.numbers * 2..(sixteen + 1) * self.numbers * 2) else { return };
         let bounds = match self.metric {
@@ -401,7 +402,7 @@ mod tests {
                 points.key(row, &mut key);
                 (row as u32, key)
             });
-            let packed = Packed::new(&points, entries.collect());
+            let packed = BoxTree::new(&points, entries.collect());
             let point = &values[..12];
             let mut visited = vec![];
             assert!(packed.sweep(point, &points.probe(point), f64::INFINITY, |row| {

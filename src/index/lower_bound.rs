@@ -7,7 +7,7 @@
 //! near enough.
 //!
 //! Which coordinates lead: the first ones, those of greatest spread, or, for L2, projections on the directions of greatest
-//! spread ([`super::turn`]), which leave less to the norm. Measured (100 k points of a store of moments, 32 coordinates,
+//! spread ([`super::projection`]), which leave less to the norm. Measured (100 k points of a store of moments, 32 coordinates,
 //! k = 10): a bound of seven coordinates and the norm leaves 1743 rows, of seven directions 977, of fifteen 100.
 //!
 //! Keys are `f32` and their distances are computed in `f32`, so the comparison needs a margin. With `u = 2^-24`, true
@@ -31,8 +31,8 @@
 //! computed key distance above `threshold(limit)`; a row below it is only a candidate. Overflow to infinity happens only
 //! where the threshold is infinite as well.
 
-use super::Metric;
-use super::turn::Turn;
+use super::projection::Projection;
+use crate::space::Metric;
 
 /// Rows whose keys stand interleaved, so that one pass of vector instructions bounds them all.
 pub(super) const LANES: usize = 16;
@@ -74,7 +74,7 @@ pub(super) struct KeyShape {
     dims: usize,
     /// The coordinates by falling importance: those that lead first. Not looked at where directions lead.
     order: Vec<usize>,
-    turn: Option<Turn>,
+    turn: Option<Projection>,
     fine: bool,
 }
 
@@ -98,11 +98,11 @@ impl KeyShape {
     /// The directions of greatest spread lead (for L2), or the coordinates (for L1), learned from `rows`, which hold
     /// some points one after another.
     pub(super) fn learned(metric: Metric, dims: usize, rows: &[f32]) -> Self {
-        let spread = super::turn::spread(dims, rows);
+        let spread = super::projection::spread(dims, rows);
         let mut order: Vec<usize> = (0..dims).collect();
         order.sort_by(|&a, &b| spread[b].total_cmp(&spread[a]).then(a.cmp(&b)));
         let fine = dims >= FEWEST_FOR_FINE;
-        let turn = if fine && metric == Metric::L2 { Turn::learned(dims, rows, &order) } else { None };
+        let turn = if fine && metric == Metric::L2 { Projection::learned(dims, rows, &order) } else { None };
         // Those that lead in their own order: the same sums for the same points, whatever the spread.
         let (_, leading) = width_and_leading(dims);
         order[..leading].sort_unstable();

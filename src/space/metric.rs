@@ -1,4 +1,4 @@
-//! [`Metric`]: the one way in which a distance is computed. It stands on the ground, for spaces name their metric and
+//! [`Metric`]: the one way in which a distance is computed. Spaces name their metric and
 //! the index measures by it.
 //!
 //! A distance is defined to the bit: coordinates are widened to `f64` and subtracted there; the squares (L2) or
@@ -37,7 +37,7 @@ impl Metric {
     /// out; the doors of the index refuse unequal lengths before they come here.
     ///
     /// ```
-    /// use hlacdb::index::Metric;
+    /// use hlacdb::space::Metric;
     /// assert_eq!(Metric::L2.distance(&[0.0, 3.0], &[4.0, 0.0]), 5.0);
     /// assert_eq!(Metric::L1.distance(&[0.0, 3.0], &[4.0, 0.0]), 7.0);
     /// ```

@@ -1,4 +1,4 @@
-//! Recipes: which numbers of a texture are looked at.
+//! Feature sets: which numbers of a texture are looked at.
 
 use std::fmt;
 
@@ -15,7 +15,7 @@ const POOLED: usize = 2 * ORBIT_COUNT - 1;
 /// What is made of a view's moments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Form {
+pub enum FeatureForm {
     /// The 251 moments as they are, in the order of the masks.
     Moments,
     /// The 251 degree roots: the k-th root of a moment of k cells, in the order of the masks.
@@ -25,7 +25,7 @@ pub enum Form {
     Pooled,
 }
 
-impl Form {
+impl FeatureForm {
     /// How many features a view gives.
     pub const fn per_view(self) -> usize {
         match self {
@@ -34,7 +34,7 @@ impl Form {
         }
     }
 
-    /// The name in a recipe's key: `moments`, `roots` or `pooled`. Frozen.
+    /// The name in a feature set's key: `moments`, `roots` or `pooled`. Frozen.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Moments => "moments",
@@ -64,19 +64,19 @@ impl Form {
 /// Which features are taken: a form of some views. Views are ordered by code and occur once.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "Parts")]
-pub struct Recipe {
-    form: Form,
+pub struct FeatureSet {
+    form: FeatureForm,
     views: Vec<View>,
 }
 
-/// A recipe as it is written down, before its views are ordered.
+/// A feature set as it is written down, before its views are ordered.
 #[derive(Deserialize)]
 struct Parts {
-    form: Form,
+    form: FeatureForm,
     views: Vec<View>,
 }
 
-impl TryFrom<Parts> for Recipe {
+impl TryFrom<Parts> for FeatureSet {
     type Error = SpaceError;
 
     fn try_from(parts: Parts) -> Result<Self, SpaceError> {
@@ -84,12 +84,12 @@ impl TryFrom<Parts> for Recipe {
     }
 }
 
-impl Recipe {
+impl FeatureSet {
     /// A form of the views given, in any order.
     ///
     /// # Errors
     /// [`SpaceError::NoViews`].
-    pub fn new(form: Form, views: &[View]) -> Result<Self, SpaceError> {
+    pub fn new(form: FeatureForm, views: &[View]) -> Result<Self, SpaceError> {
         let mut views = views.to_vec();
         views.sort_unstable();
         views.dedup();
@@ -98,26 +98,26 @@ impl Recipe {
 
     /// The 251 moments of `full@1`: what `paper`, `zscore` and a store's statistics look at.
     pub fn plain() -> Self {
-        Self { form: Form::Moments, views: vec![View::Full] }
+        Self { form: FeatureForm::Moments, views: vec![View::Full] }
     }
 
     /// The 251 degree roots of `stretch@1`: what `oriented` looks at.
     pub fn oriented() -> Self {
-        Self { form: Form::Roots, views: vec![View::LIKENESS[0]] }
+        Self { form: FeatureForm::Roots, views: vec![View::LIKENESS[0]] }
     }
 
     /// The 245 pooled features of the seven views of likeness: what `default` and `invariant` look at.
     pub fn pooled() -> Self {
-        Self { form: Form::Pooled, views: View::LIKENESS.to_vec() }
+        Self { form: FeatureForm::Pooled, views: View::LIKENESS.to_vec() }
     }
 
     /// The 280 pooled features of the eight views that a store keeps unless told otherwise: what the shipped prior knows.
     pub(super) fn stored() -> Self {
-        Self { form: Form::Pooled, views: View::DEFAULT_STORED.to_vec() }
+        Self { form: FeatureForm::Pooled, views: View::DEFAULT_STORED.to_vec() }
     }
 
     /// The form.
-    pub fn form(&self) -> Form {
+    pub fn form(&self) -> FeatureForm {
         self.form
     }
 
@@ -126,7 +126,7 @@ impl Recipe {
         &self.views
     }
 
-    /// The name under which a store keeps what belongs to the recipe, e.g. `roots:stretch@1`. Frozen.
+    /// The name under which a store keeps what belongs to the feature set, e.g. `roots:stretch@1`. Frozen.
     pub fn key(&self) -> String {
         let views: Vec<&str> = self.views.iter().map(|view| view.name()).collect();
         format!("{}:{}", self.form.name(), views.join(","))
@@ -137,15 +137,15 @@ impl Recipe {
         self.views.len() * self.form.per_view()
     }
 
-    /// What the feature at `index` is; `None` from [`Recipe::dims`] on.
+    /// What the feature at `index` is; `None` from [`FeatureSet::dims`] on.
     pub fn feature(&self, index: usize) -> Option<Feature> {
         let view = *self.views.get(index / self.form.per_view())?;
         let at = index % self.form.per_view();
         let part = match self.form {
-            Form::Moments | Form::Roots => Part::Mask(at as u8),
-            Form::Pooled if at < ORBIT_COUNT => Part::Mean(at as u8),
+            FeatureForm::Moments | FeatureForm::Roots => FeaturePart::Mask(at as u8),
+            FeatureForm::Pooled if at < ORBIT_COUNT => FeaturePart::Mean(at as u8),
             // The first orbit has a single mask and no deviation.
-            Form::Pooled => Part::Deviation((at - ORBIT_COUNT + 1) as u8),
+            FeatureForm::Pooled => FeaturePart::Deviation((at - ORBIT_COUNT + 1) as u8),
         };
         Some(Feature { view, part })
     }
@@ -176,9 +176,9 @@ impl Recipe {
     /// The features that one view gives.
     fn fill(&self, moments: &[f32; MASK_COUNT], out: &mut [f64]) {
         match self.form {
-            Form::Moments => out.iter_mut().zip(moments).for_each(|(out, &moment)| *out = f64::from(moment)),
-            Form::Roots => out.copy_from_slice(&degree_roots(moments)),
-            Form::Pooled => {
+            FeatureForm::Moments => out.iter_mut().zip(moments).for_each(|(out, &moment)| *out = f64::from(moment)),
+            FeatureForm::Roots => out.copy_from_slice(&degree_roots(moments)),
+            FeatureForm::Pooled => {
                 let layout = orbits::layout();
                 // Orbits are numbered by order first: sorted by orbit, masks stay sorted by their number of cells.
                 let roots = degree_roots(&layout.by_orbit.map(|mask| moments[usize::from(mask)]));
@@ -198,7 +198,7 @@ impl Recipe {
     }
 }
 
-impl fmt::Display for Recipe {
+impl fmt::Display for FeatureSet {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(&self.key())
     }
@@ -230,7 +230,7 @@ fn sum(values: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
 }
 
-/// The features of one texture under one recipe.
+/// The features of one texture under one feature set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
     values: Vec<f64>,
@@ -243,7 +243,7 @@ impl Features {
         &self.values
     }
 
-    /// The recipe's views that the texture does not have (it is too small for their scale), by code.
+    /// The feature set's views that the texture does not have (it is too small for their scale), by code.
     pub fn missing(&self) -> &[View] {
         &self.missing
     }
@@ -260,12 +260,12 @@ pub struct Feature {
     /// The view.
     pub view: View,
     /// What of the view.
-    pub part: Part,
+    pub part: FeaturePart,
 }
 
 /// What of a view a feature is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Part {
+pub enum FeaturePart {
     /// One mask, by its index in [`MASKS`].
     Mask(u8),
     /// The mean over an orbit.
@@ -274,7 +274,7 @@ pub enum Part {
     Deviation(u8),
 }
 
-impl Part {
+impl FeaturePart {
     /// The mask itself, or the first of its orbit.
     pub fn mask(self) -> u8 {
         match self {
@@ -299,9 +299,9 @@ impl fmt::Display for Feature {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let letters = MASKS.get(usize::from(self.part.mask())).map(|mask| mask.letters()).unwrap_or_default();
         match self.part {
-            Part::Mask(_) => write!(f, "{} {letters}", self.view),
-            Part::Mean(_) => write!(f, "{} mean of {letters}...", self.view),
-            Part::Deviation(_) => write!(f, "{} deviation of {letters}...", self.view),
+            FeaturePart::Mask(_) => write!(f, "{} {letters}", self.view),
+            FeaturePart::Mean(_) => write!(f, "{} mean of {letters}...", self.view),
+            FeaturePart::Deviation(_) => write!(f, "{} deviation of {letters}...", self.view),
         }
     }
 }
@@ -321,8 +321,8 @@ mod tests {
 
         #[test]
         fn pooling_is_mean_and_deviation_of_the_roots_and_knows_no_direction(moments in moments(), turn in 0..48_usize) {
-            let recipe = Recipe::new(Form::Pooled, &[View::Full]).unwrap();
-            let pooled = recipe.features(|_| Some(&moments)).unwrap();
+            let feature_set = FeatureSet::new(FeatureForm::Pooled, &[View::Full]).unwrap();
+            let pooled = feature_set.features(|_| Some(&moments)).unwrap();
             for orbit in 0..ORBIT_COUNT {
                 let root = |&m: &u8| f64::from(moments[usize::from(m)]).powf(1.0 / MASKS[usize::from(m)].order() as f64);
                 let roots: Vec<f64> = orbits::members(orbit).iter().map(root).collect();
@@ -335,7 +335,7 @@ mod tests {
             }
             let symmetry = symmetries()[turn];
             let turned: [f32; MASK_COUNT] = std::array::from_fn(|m| moments[usize::from(symmetry[m])]);
-            let turned = recipe.features(|_| Some(&turned)).unwrap();
+            let turned = feature_set.features(|_| Some(&turned)).unwrap();
             prop_assert!(turned.values().iter().zip(pooled.values()).all(|(a, b)| (a - b).abs() < 1e-12));
         }
     }
@@ -343,34 +343,34 @@ mod tests {
     #[test]
     fn views_are_ordered_and_named() {
         let views = [View::Detail, View::Full, View::Detail];
-        let recipe = Recipe::new(Form::Roots, &views).unwrap();
-        assert_eq!((recipe.key().as_str(), recipe.dims()), ("roots:full@1,detail@1", 502));
-        let text = serde_json::to_string(&recipe).unwrap();
-        assert_eq!(serde_json::from_str::<Recipe>(&text).unwrap(), recipe);
-        assert!(serde_json::from_str::<Recipe>(r#"{"form":"roots","views":[]}"#).is_err());
-        assert_eq!(Recipe::new(Form::Roots, &[]), Err(SpaceError::NoViews));
-        assert_eq!(Recipe::pooled().dims(), 245);
+        let feature_set = FeatureSet::new(FeatureForm::Roots, &views).unwrap();
+        assert_eq!((feature_set.key().as_str(), feature_set.dims()), ("roots:full@1,detail@1", 502));
+        let text = serde_json::to_string(&feature_set).unwrap();
+        assert_eq!(serde_json::from_str::<FeatureSet>(&text).unwrap(), feature_set);
+        assert!(serde_json::from_str::<FeatureSet>(r#"{"form":"roots","views":[]}"#).is_err());
+        assert_eq!(FeatureSet::new(FeatureForm::Roots, &[]), Err(SpaceError::NoViews));
+        assert_eq!(FeatureSet::pooled().dims(), 245);
     }
 
     #[test]
     fn features_say_what_they_are() {
-        let recipe = Recipe::pooled();
-        assert_eq!(recipe.feature(35 + 2).unwrap().to_string(), "stretch@2 mean of ak...");
-        assert_eq!(recipe.feature(18).unwrap().part, Part::Deviation(1));
-        assert_eq!(recipe.feature(244).unwrap().part, Part::Deviation(17));
-        assert_eq!(recipe.feature(245), None);
-        assert_eq!(Recipe::plain().feature(250).unwrap().to_string(), "full@1 ins");
+        let feature_set = FeatureSet::pooled();
+        assert_eq!(feature_set.feature(35 + 2).unwrap().to_string(), "stretch@2 mean of ak...");
+        assert_eq!(feature_set.feature(18).unwrap().part, FeaturePart::Deviation(1));
+        assert_eq!(feature_set.feature(244).unwrap().part, FeaturePart::Deviation(17));
+        assert_eq!(feature_set.feature(245), None);
+        assert_eq!(FeatureSet::plain().feature(250).unwrap().to_string(), "full@1 ins");
     }
 
     #[test]
     fn missing_views_are_told_and_wrong_moments_refused() {
         let good = [0.5; MASK_COUNT];
-        let features = Recipe::pooled().features(|view| (view != View::LIKENESS[2]).then_some(&good)).unwrap();
+        let features = FeatureSet::pooled().features(|view| (view != View::LIKENESS[2]).then_some(&good)).unwrap();
         assert_eq!(features.missing(), [View::LIKENESS[2]]);
         for value in [f32::NAN, f32::INFINITY, -0.1, 1.1] {
             let mut bad = good;
             bad[3] = value;
-            let error = Recipe::plain().features(|_| Some(&bad)).unwrap_err();
+            let error = FeatureSet::plain().features(|_| Some(&bad)).unwrap_err();
             assert!(matches!(error, SpaceError::NotAMoment { ref mask, .. } if mask == "am"), "{error}");
         }
     }
