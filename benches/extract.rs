@@ -15,7 +15,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use criterion::{Criterion, Throughput};
-use hlacdb::hlac::kernel::{self, Kernel};
+use hlacdb::hlac::kernels::{self, Kernel};
 use hlacdb::hlac::{Voxels, extract, extract_parallel, extract_sampled};
 use hlacdb::volume::Volume;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
@@ -56,9 +56,9 @@ fn voxels(volume: &Volume) -> Voxels<'_> {
 /// Every kernel gives the bits of the reference, or nothing is measured.
 fn check() {
     let volume = noise(40);
-    let expected = Kernel::Scalar.octants(volume.shape(), volume.voxels());
-    for kernel in kernel::available() {
-        assert_eq!(kernel.octants(volume.shape(), volume.voxels()), expected, "{kernel} differs from the reference");
+    let expected = Kernel::Scalar.octants(voxels(&volume));
+    for kernel in kernels::available() {
+        assert_eq!(kernel.octants(voxels(&volume)), expected, "{kernel} differs from the reference");
     }
     assert_eq!(extract_parallel(voxels(&volume)), expected);
     println!("answers: every kernel equals the scalar reference");
@@ -81,7 +81,7 @@ fn table(volumes: &[Volume]) {
     println!(
         "bound: {:.1} G multiply-adds/s ({name} in registers, one core); active: {}",
         rate / 1e9,
-        kernel::active()
+        kernels::active()
     );
     println!(
         "{:>6} {:<20} {:>10} {:>10} {:>12} {:>8} {:>8}",
@@ -91,8 +91,7 @@ fn table(volumes: &[Volume]) {
         let side = volume.shape()[0];
         let windows = (side - 2).pow(3) as f64;
         // The reference takes as long for every voxel: its time on 64^3 stands for the larger volumes.
-        let scalar =
-            best(Duration::ZERO, || Kernel::Scalar.octants([64; 3], volumes[0].voxels())) * windows / 62_f64.powi(3);
+        let scalar = best(Duration::ZERO, || Kernel::Scalar.octants(voxels(&volumes[0]))) * windows / 62_f64.powi(3);
         let row = |name: &str, seconds: f64, cores: f64| {
             let products = PRODUCTS * windows / seconds;
             println!(
@@ -105,10 +104,10 @@ fn table(volumes: &[Volume]) {
             );
         };
         row("scalar", scalar, 1.0);
-        for kernel in kernel::available().filter(|kernel| *kernel != Kernel::Scalar) {
+        for kernel in kernels::available().filter(|kernel| *kernel != Kernel::Scalar) {
             let span = Duration::from_millis(if kernel == Kernel::Portable { 0 } else { 1500 });
             if kernel != Kernel::Portable || side <= 64 {
-                row(kernel.name(), best(span, || kernel.octants(volume.shape(), volume.voxels())), 1.0);
+                row(kernel.name(), best(span, || kernel.octants(voxels(volume))), 1.0);
             }
         }
         let threads = rayon::current_num_threads();
@@ -136,10 +135,11 @@ fn many(volume: &Volume) {
 }
 
 fn binary(volume: &Volume) {
-    let voxels: Vec<u8> = volume.voxels().iter().map(|voxel| if voxel % 2 == 0 { 0 } else { 255 }).collect();
+    let black_and_white: Vec<u8> = volume.voxels().iter().map(|voxel| if voxel % 2 == 0 { 0 } else { 255 }).collect();
+    let voxels = Voxels::new(&black_and_white, volume.shape()).unwrap();
     let span = Duration::from_millis(500);
-    let dense = best(span, || kernel::active().octants(volume.shape(), &voxels));
-    let bits = best(span, || kernel::octants_binary(volume.shape(), &voxels));
+    let dense = best(span, || kernels::active().octants(voxels));
+    let bits = best(span, || kernels::octants_binary(voxels));
     println!("64^3 of 0 and 255: {:.3} ms by bits, {:.1} times the kernel", bits * 1e3, dense / bits);
 }
 
@@ -238,10 +238,10 @@ fn measure(criterion: &mut Criterion, volumes: &[Volume]) {
         let side = volume.shape()[0];
         let mut group = criterion.benchmark_group(format!("extract {side}^3"));
         group.throughput(Throughput::Elements((side as u64).pow(3)));
-        for kernel in kernel::available() {
+        for kernel in kernels::available() {
             let slow = matches!(kernel, Kernel::Scalar | Kernel::Portable);
             if !slow || side == 64 {
-                group.bench_function(kernel.name(), |b| b.iter(|| kernel.octants(volume.shape(), volume.voxels())));
+                group.bench_function(kernel.name(), |b| b.iter(|| kernel.octants(voxels(volume))));
             }
         }
         group.bench_function("active, all threads", |b| b.iter(|| extract_parallel(voxels(volume))));

@@ -5,7 +5,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use hlacdb::hlac::{MASK_COUNT, OctantSums, View, kernel};
+use hlacdb::hlac::{MASK_COUNT, OctantSums, View, kernels};
 use hlacdb::space::{Contribution, Definition, FeatureSet, Prior, Space, Statistics};
 use hlacdb::synth;
 use hlacdb::volume::Volume;
@@ -18,18 +18,18 @@ fn texture() -> Volume {
 }
 
 fn described() -> Vec<(View, OctantSums)> {
-    hlacdb::describe(&texture(), &View::DEFAULT_STORED)
+    hlacdb::describe(&texture(), &View::STANDARD)
 }
 
 fn describing(criterion: &mut Criterion) {
     let volume = texture();
     assert_eq!(described()[0].1, hlacdb::octant_sums(&volume));
-    let mut group = criterion.benchmark_group(format!("describe 64^3, {}", kernel::active()));
+    let mut group = criterion.benchmark_group(format!("describe 64^3, {}", kernels::active()));
     group.bench_function("plain sums", |bencher| bencher.iter(|| hlacdb::octant_sums(black_box(&volume))));
     group.bench_function("eight views", |bencher| {
-        bencher.iter(|| hlacdb::describe(black_box(&volume), &View::DEFAULT_STORED));
+        bencher.iter(|| hlacdb::describe(black_box(&volume), &View::STANDARD));
     });
-    for view in View::DEFAULT_STORED {
+    for view in View::STANDARD {
         group.bench_function(format!("{view} alone"), |bencher| {
             bencher.iter(|| hlacdb::describe(black_box(&volume), &[view]))
         });

@@ -72,7 +72,8 @@ fn main() -> Result<(), Failure> {
     let inner = [views.len(), MASK_COUNT];
     let moments: Vec<f32> = described.iter().flat_map(|(texture, _)| totals(texture)).collect();
     let copies: Vec<f32> = described.iter().flat_map(|(_, copy)| totals(copy)).collect();
-    let octant = |d: &Described, o: usize| d.iter().flat_map(move |(_, s)| s.0[o].descriptor()).collect::<Vec<_>>();
+    let octant =
+        |d: &Described, o: usize| d.iter().flat_map(move |(_, s)| s.octants()[o].descriptor()).collect::<Vec<_>>();
     let octants: Vec<f32> = described.iter().flat_map(|(d, _)| (0..8).flat_map(|o| octant(d, o))).collect();
     write(folder, "moments.npy", &shape(&inner), &moments)?;
     write(folder, "copies.npy", &shape(&inner), &copies)?;

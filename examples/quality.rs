@@ -129,7 +129,7 @@ fn prior_without(
 
 fn textures(specimens: &[Specimen], label: &str) -> Result<Vec<Texture>, Failure> {
     let describe = |specimen: &Specimen| {
-        let described = hlacdb::describe(&specimen.volume(), &View::DEFAULT_STORED);
+        let described = hlacdb::describe(&specimen.volume(), &View::STANDARD);
         let recipes: BTreeMap<String, _> = Definition::BUILT_IN
             .iter()
             .filter_map(|name| Definition::built_in(name))

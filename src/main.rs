@@ -6,12 +6,13 @@ use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::FromArgMatches;
+use hlacdb::hlac::kernels::{self, Kernel};
 use tracing_subscriber::EnvFilter;
 
 use cli::{Cli, Context};
 
 fn main() -> ExitCode {
-    let kernel = match hlacdb::hlac::kernel::choose() {
+    let kernel = match select_kernel() {
         Ok(kernel) => kernel,
         Err(error) => {
             eprintln!("hlacdb: {error}");
@@ -40,6 +41,16 @@ fn tell_damage_only() {
         true => tracing::debug!("contained: {panic}"),
         false => usual(panic),
     }));
+}
+
+/// The environment variable that forces a kernel by its name, in place of the fastest that the CPU runs.
+const KERNEL_VARIABLE: &str = "HLACDB_KERNEL";
+
+/// The kernel that [`KERNEL_VARIABLE`] names, or else the fastest.
+fn select_kernel() -> Result<Kernel, String> {
+    let Some(name) = std::env::var_os(KERNEL_VARIABLE) else { return Ok(kernels::active()) };
+    let selected = kernels::select(&name.to_string_lossy());
+    selected.map_err(|error| format!("{KERNEL_VARIABLE}: {error}: unset the variable or name one of these kernels"))
 }
 
 /// Starts the worker threads; where the system grants none, the main thread does their work.

@@ -28,7 +28,7 @@ pub struct OpenOptions {
 
 impl Default for OpenOptions {
     fn default() -> Self {
-        let views = View::DEFAULT_STORED.to_vec();
+        let views = View::STANDARD.to_vec();
         Self { read_only: false, create: true, views, volumes: Volumes::Keep, cache_bytes: None }
     }
 }

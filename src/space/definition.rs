@@ -199,6 +199,6 @@ mod tests {
         let rest = default.restricted_to(&[View::Full, View::Detail]).unwrap();
         assert_eq!((rest.feature_set.key().as_str(), rest.dims()), ("pooled:detail@1", 32));
         assert!(default.restricted_to(&[View::Full]).is_none());
-        assert_eq!(default.restricted_to(&View::DEFAULT_STORED).unwrap(), default);
+        assert_eq!(default.restricted_to(&View::STANDARD).unwrap(), default);
     }
 }

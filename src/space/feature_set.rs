@@ -113,7 +113,7 @@ impl FeatureSet {
 
     /// The 280 pooled features of the eight views that a store keeps unless told otherwise: what the shipped prior knows.
     pub(super) fn stored() -> Self {
-        Self { form: FeatureForm::Pooled, views: View::DEFAULT_STORED.to_vec() }
+        Self { form: FeatureForm::Pooled, views: View::STANDARD.to_vec() }
     }
 
     /// The form.
@@ -179,12 +179,11 @@ impl FeatureSet {
             FeatureForm::Moments => out.iter_mut().zip(moments).for_each(|(out, &moment)| *out = f64::from(moment)),
             FeatureForm::Roots => out.copy_from_slice(&degree_roots(moments)),
             FeatureForm::Pooled => {
-                let layout = orbits::layout();
                 // Orbits are numbered by order first: sorted by orbit, masks stay sorted by their number of cells.
-                let roots = degree_roots(&layout.by_orbit.map(|mask| moments[usize::from(mask)]));
+                let roots = degree_roots(&orbits::BY_ORBIT.map(|mask| moments[usize::from(mask)]));
                 let (means, deviations) = out.split_at_mut(ORBIT_COUNT);
-                for (orbit, range) in layout.ranges.iter().enumerate() {
-                    let roots = &roots[range.clone()];
+                for (orbit, range) in (0..ORBIT_COUNT).map(|orbit| (orbit, orbits::range(orbit))) {
+                    let roots = &roots[range];
                     let count = roots.len() as f64;
                     let mean = sum(roots, |root| root) / count;
                     means[orbit] = mean;

@@ -23,7 +23,7 @@ pub(super) fn volume(seed: u64) -> Volume {
 }
 
 pub(super) fn described(seed: u64) -> Vec<(View, OctantSums)> {
-    crate::describe(&volume(seed), &View::DEFAULT_STORED)
+    crate::describe(&volume(seed), &View::STANDARD)
 }
 
 pub(super) fn features(feature_set: &FeatureSet, described: &[(View, OctantSums)]) -> Features {

@@ -3,8 +3,7 @@
 //! The loops have no branches, so that the compiler turns them into vector instructions; each is made of exactly
 //! rounded operations only, so that the results are the same bits on every machine.
 
-use crate::hlac::MASK_COUNT;
-use crate::hlac::masks::MASKS_BY_ORDER;
+use crate::hlac::{MASK_COUNT, MASKS_BY_ORDER};
 
 /// The degree roots of moments in [0, 1], in any order that keeps masks of one, two and three cells apart, in this
 /// order.

@@ -74,11 +74,11 @@ impl Contribution {
         };
         let whole = features(sums.iter().map(|sums| sums.total().descriptor()).collect())?;
         let mut contribution = Self::of_features(feature_set, &whole);
-        let has_octants = sums.iter().all(|sums| sums.0.iter().all(|octant| octant.windows > 0));
+        let has_octants = sums.iter().all(|sums| sums.octants().iter().all(|octant| octant.windows > 0));
         if feature_set.form() != FeatureForm::Moments && has_octants {
             let mut octants = vec![[0; 8]; feature_set.dims()];
             for octant in 0..8 {
-                let part = features(sums.iter().map(|sums| sums.0[octant].descriptor()).collect())?;
+                let part = features(sums.iter().map(|sums| sums.octants()[octant].descriptor()).collect())?;
                 for (out, &feature) in octants.iter_mut().zip(part.values()) {
                     out[octant] = quantise(feature);
                 }

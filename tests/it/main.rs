@@ -4,12 +4,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod index;
-mod kernels;
 mod model;
 mod own_spaces;
 mod program;
 mod real;
-mod reference_sums;
 mod search;
 #[cfg(feature = "serve")]
 mod serve;
@@ -20,6 +18,5 @@ mod supply;
 mod support;
 mod synth;
 mod trust;
-mod views;
 mod volume_formats;
 mod volume_pictures;

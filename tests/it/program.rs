@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use assert_cmd::Command;
+use hlacdb::hlac::Voxels;
+use hlacdb::hlac::kernels::{self, Kernel};
 use serde_json::Value;
 
 use crate::support::{ball, stripes, write_npy};
@@ -198,7 +200,7 @@ fn exactly_the_sums_of_the_definition_are_printed() {
     let document = place.json(&["extract", text(&path), "--out", "moments.npy"]);
     let file = &document["files"][0];
     let volume = stripes(16, 3);
-    let reference = hlacdb::hlac::kernel::scalar::octants(volume.shape(), volume.voxels()).total();
+    let reference = Kernel::Scalar.octants(Voxels::new(volume.voxels(), volume.shape()).unwrap()).total();
     let sums: Vec<u64> = file["sums"].as_array().unwrap().iter().map(|sum| sum.as_u64().unwrap()).collect();
     assert_eq!(sums, reference.values);
     assert_eq!((file["windows"].as_u64(), file["channels"].as_u64()), (Some(2744), Some(1)));
@@ -215,15 +217,35 @@ fn exactly_the_sums_of_the_definition_are_printed() {
 }
 
 #[test]
+fn the_environment_forces_a_kernel() {
+    let place = Place::new();
+    let version = |kernel: &str| {
+        let mut command = Command::cargo_bin("hlacdb").unwrap();
+        command.current_dir(place.folder.path()).env("HLACDB_KERNEL", kernel).arg("--version").output().unwrap()
+    };
+    for kernel in kernels::available() {
+        let printed = String::from_utf8(version(kernel.name()).stdout).unwrap();
+        assert!(printed.trim_end().ends_with(&format!("(kernel {kernel})")), "{printed}");
+    }
+    let output = version("mmx");
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{error}");
+    assert!(error.starts_with("hlacdb: HLACDB_KERNEL: there is no kernel \"mmx\"; this CPU runs scalar"), "{error}");
+    if let Some(missing) = Kernel::ALL.into_iter().find(|kernel| !kernel.is_available()) {
+        let output = version(missing.name());
+        assert_eq!(output.status.code(), Some(2), "{missing}");
+    }
+}
+
+#[test]
 fn the_masks_are_the_papers() {
     let place = Place::new();
     let output = place.run(&["masks", "--letters"]);
     let printed = String::from_utf8(output.stdout).unwrap();
     assert_eq!(printed.lines().count(), 251);
     assert!(printed.starts_with("a\nab\nak\nam\n"));
-    if let Some(path) = crate::support::shared("masks.txt") {
-        assert_eq!(printed, fs::read_to_string(path).unwrap());
-    }
+    let masks = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/hlac/tests/fixtures/masks.txt");
+    assert_eq!(printed, fs::read_to_string(masks).unwrap());
     assert_eq!(place.json(&["masks"])["masks"][13]["offsets"], serde_json::json!([[1, 1, 1], [2, 0, 0]]));
 }
 

@@ -1,6 +1,6 @@
 //! [`Extraction`]: the exact sums with options: spacing, a region, several threads.
 
-use crate::kernel::{self, Slab};
+use crate::kernel::{self, Input};
 use crate::voxels::{Shape, check_shape};
 use crate::{ExtractError, OctantSums, RegionSlabExtractor, RegionSums, SlabExtractor, Voxels};
 
@@ -129,12 +129,12 @@ impl Extraction {
     }
 
     fn run(&self, shape: Shape, voxels: &[u8]) -> OctantSums {
-        self.slab_sums(&Slab::whole(shape, self.spacing.voxels(), voxels))
+        self.input_sums(&Input::whole(shape, self.spacing.voxels(), voxels))
     }
 
-    /// What a slab adds to the octant sums of its volume.
-    pub(crate) fn slab_sums(&self, slab: &Slab<'_>) -> OctantSums {
-        if self.parallel { kernel::sums_in_pool(slab) } else { kernel::sums(slab) }
+    /// What an input adds to the octant sums of its volume.
+    pub(crate) fn input_sums(&self, input: &Input<'_>) -> OctantSums {
+        if self.parallel { kernel::sums_in_pool(input) } else { kernel::sums(input) }
     }
 }
 

@@ -1,31 +1,31 @@
-//! The hit-sum: what the paper's words allow beside the product.
-//!
-//! The paper says: "251 mask patterns are used to test if the voxels exist at the mask position. When each mask pattern
-//! hits the voxels, the color intensity value of the voxels are added to the 3D HLAC features." Read to the letter, a
-//! mask *hits* a window when all of its cells are occupied (not 0), and a hit adds the intensities of its cells:
-//!
-//! ```text
-//!   hit-sum(mask) = sum over the windows in which every cell of the mask is > 0 of (I(c1) + I(c2) + I(c3))
-//! ```
-//!
-//! It is a named variant; everything else in this program uses the product, the standard definition of HLAC. Its
-//! moments would be `hit-sum / (windows * 255 * cells)`, which is why it is not a [`super::Sums`].
+//! The hit-sum, the other reading of the paper.
 
 use crate::{MASK_COUNT, MASKS, Voxels};
 
-/// 251 exact hit-sums.
+/// 251 exact hit-sums, the other reading of the paper.
+///
+/// The paper says: "251 mask patterns are used to test if the voxels exist at the mask position. When each mask pattern
+/// hits the voxels, the color intensity value of the voxels are added to the 3D HLAC features." Taken literally, a mask
+/// *hits* a window if all of its cells are occupied (not 0), and a hit adds the intensities of its cells:
+///
+/// ```text
+///   hit-sum(mask) = sum over the windows in which every cell of the mask is > 0 of (I(c1) + I(c2) + I(c3))
+/// ```
+///
+/// [`Sums`](crate::Sums) multiply the intensities instead, which is the standard definition of HLAC. The two types differ
+/// because their moments are normalised differently.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HitSums {
     /// The number of windows: (Z-2)(Y-2)(X-2).
     pub windows: u64,
-    /// For each mask, in the order of [`MASKS`], in how many windows all of its cells are not 0.
+    /// For each mask, in the order of [`MASKS`], the number of windows in which none of its cells is 0.
     pub hits: [u64; MASK_COUNT],
     /// For each mask, the sum over those windows of the intensities at its cells.
     pub values: [u64; MASK_COUNT],
 }
 
 impl HitSums {
-    /// The moments: `hit-sum / (windows * 255 * cells)`, each in [0, 1]; all 0 where there is no window.
+    /// The moments: `hit-sum / (windows * 255 * cells)`, each in [0, 1]; all 0 if there is no window.
     pub fn moments(&self) -> [f64; MASK_COUNT] {
         let mut moments = [0.0; MASK_COUNT];
         if self.windows > 0 {
@@ -68,9 +68,10 @@ pub fn extract_hit_sum(volume: Voxels<'_>) -> HitSums {
     sums
 }
 
-/// Hits and their intensities along one row of windows; `rows[i][x]` is the window's `i`-th cell.
+/// The number of hits and the sum of their intensities along one row of windows; `rows[i][x]` is the `i`-th cell of window
+/// `x`.
 fn row_sums<const CELLS: usize>(rows: [&[u8]; CELLS]) -> (u64, u64) {
-    // Blocks short enough for 16-bit lanes: 85 x 3 x 255 < 2^16. The compiler makes vectors of the inner loop.
+    // Blocks short enough for 16-bit lanes: 85 x 3 x 255 < 2^16. The compiler vectorises the inner loop.
     const BLOCK: usize = 85;
     let (mut hits, mut value) = (0, 0);
     let length = rows[0].len();
@@ -94,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hit_needs_every_cell_and_adds_their_intensities() {
+    fn a_hit_needs_every_cell_and_adds_the_intensities() {
         // One window; only cells a, k and l are occupied.
         let mut voxels = vec![0; 27];
         (voxels[0], voxels[10], voxels[11]) = (255, 255, 7);

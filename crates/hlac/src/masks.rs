@@ -1,23 +1,9 @@
-//! The 251 masks, in the order and with the letters of the paper (Suzuki, Yaginuma, Osawa, Figure 3a).
-//!
-//! A *mask* is a set of one, two or three cells of a 3x3x3 window. The letters fix the cells (Figure 3b):
-//!
-//! ```text
-//!   layer 1 (z = 0)   layer 2 (z = 1)   layer 3 (z = 2)
-//!      a b c             j k l             s t u        y = 0
-//!      d e f             m n o             v w x        y = 1
-//!      g h i             p q r             y z A        y = 2
-//!    x=0 1 2
-//! ```
-//!
-//! Every set `{0}`, `{0, a}`, `{0, a, b}` with `a`, `b` in `{-1, 0, 1}^3` appears exactly once up to translation:
-//! 1 + 13 + 237 = 251. The letters also fix *where* in the window a pattern lies, so that sums are defined to the
-//! bit at the borders of a volume too.
+//! The 251 masks, in the order and with the letters of the paper (Suzuki, Yaginuma, Osawa, Figure 3).
 
-/// How many masks there are: the length of every sums, moments and descriptor array.
+/// The number of masks: the length of every array of sums or moments.
 pub const MASK_COUNT: usize = 251;
 
-/// How many masks have one, two and three cells, in this order in every array of [`MASK_COUNT`] values.
+/// The number of masks of one, two and three cells, which follow one another in every array of [`MASK_COUNT`] values.
 pub const MASKS_BY_ORDER: [usize; 3] = [1, 13, 237];
 
 /// The masks as the paper prints them, in its order.
@@ -33,7 +19,21 @@ const LETTERS: &str = "\
     qtv rsw bjs bjt bjv bjw cks ckv cns cnv cny dks dkt dku dkv dkw dkx dms dmt dns dnt dnu djs djt djv \
     djw eks ekv ems emt ens ejs ejt ejv ejw fks fkv fns gms gmt gns gnt gnu hms hmt hns ins";
 
-/// One cell pattern inside the 3x3x3 window.
+/// One cell pattern: a set of one, two or three cells of the 3x3x3 window.
+///
+/// The paper names the cells by letters (Figure 3b), and a mask by those of its cells:
+///
+/// ```text
+///   layer 1 (z = 0)   layer 2 (z = 1)   layer 3 (z = 2)
+///      a b c             j k l             s t u        y = 0
+///      d e f             m n o             v w x        y = 1
+///      g h i             p q r             y z A        y = 2
+///    x=0 1 2
+/// ```
+///
+/// Every set `{0}`, `{0, a}`, `{0, a, b}` with `a`, `b` in `{-1, 0, 1}^3` is a mask exactly once up to translation:
+/// 1 + 13 + 237 = 251. The letters also fix *where* in the window a pattern lies, so that sums are defined to the bit at
+/// the borders of a volume too.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mask {
     cells: [u8; 3],
@@ -41,17 +41,17 @@ pub struct Mask {
 }
 
 impl Mask {
-    /// The cells as indices `9 z + 3 y + x` into the window, ascending; one to three of them.
+    /// The one to three cells, as indices `9 z + 3 y + x` into the window, ascending.
     pub const fn cells(&self) -> &[u8] {
         self.cells.split_at(self.count as usize).0
     }
 
-    /// The number of cells: 1, 2 or 3 (the paper's N is one less).
+    /// The number of cells: 1, 2 or 3. (The paper's order N is one less.)
     pub const fn order(&self) -> usize {
         self.count as usize
     }
 
-    /// The cells as offsets `[z, y, x]`, each 0, 1 or 2, from the window's first corner.
+    /// The cells as offsets `[z, y, x]` from the window's first cell, each 0, 1 or 2.
     pub fn offsets(&self) -> impl Iterator<Item = [usize; 3]> + '_ {
         self.cells().iter().map(|&cell| {
             let cell = usize::from(cell);
@@ -59,7 +59,7 @@ impl Mask {
         })
     }
 
-    /// The paper's name of the mask, e.g. `"akl"`.
+    /// The paper's name of the mask, e.g. `akl`.
     pub fn letters(&self) -> String {
         self.cells().iter().map(|&cell| letter(cell)).collect()
     }
@@ -70,7 +70,7 @@ fn letter(cell: u8) -> char {
     if cell == 26 { 'A' } else { char::from(b'a' + cell) }
 }
 
-/// The 251 masks in the paper's order.
+/// The 251 masks in the paper's order: first the masks of one cell, then those of two, then those of three.
 pub const MASKS: [Mask; MASK_COUNT] = parse(LETTERS.as_bytes());
 
 const fn parse(text: &[u8]) -> [Mask; MASK_COUNT] {
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn the_letters_are_the_translation_classes_of_the_definition() {
+    fn the_masks_are_all_patterns_up_to_translation() {
         let cube: Vec<[i32; 3]> = (0..27).map(|i| [i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1]).collect();
         let mut derived = BTreeSet::new();
         for a in &cube {
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn orders_come_in_the_papers_sequence() {
+    fn masks_are_sorted_by_their_number_of_cells() {
         let mut at = 0;
         for (order, count) in MASKS_BY_ORDER.iter().enumerate() {
             for mask in &MASKS[at..at + count] {
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_ascend() {
+    fn cells_are_sorted() {
         for mask in &MASKS {
             assert!(mask.cells().windows(2).all(|w| w[0] < w[1]), "{}", mask.letters());
         }

@@ -1,18 +1,18 @@
 //! The 18 orbits of the masks under the 48 symmetries of the cube.
 //!
-//! Turning or mirroring a volume permutes its masks (up to the windows at its borders): two masks are in one *orbit*
-//! when some symmetry of the cube, followed by a translation, takes one to the other. What is averaged over an orbit
-//! does not depend on how a texture is turned; how much a texture's masks differ *within* an orbit is the strength of
-//! its anisotropy, and does not depend on its direction either.
+//! Rotating or mirroring a volume permutes its masks (up to the windows at its borders). Two masks are in one *orbit* if
+//! some symmetry of the cube, followed by a translation, maps one to the other. The mean of a texture's moments over an
+//! orbit is the same in all 48 orientations. So is their spread *within* an orbit, which measures how anisotropic the
+//! texture is.
 //!
-//! Orbits are numbered by their first mask in the paper's order. The numbers enter stored statistics: they are frozen.
+//! Orbits are numbered by their first mask in the paper's order, so also by their number of cells. The numbers never
+//! change: they may be stored.
 
 use std::ops::Range;
-use std::sync::LazyLock;
 
-use super::masks::{MASK_COUNT, MASKS};
+use crate::{MASK_COUNT, MASKS};
 
-/// How many orbits there are.
+/// The number of orbits.
 pub const ORBIT_COUNT: usize = 18;
 
 /// The orbit of each mask, in the order of [`MASKS`].
@@ -28,33 +28,46 @@ pub const ORBIT_OF: [u8; MASK_COUNT] = [
     4, 7, 8, 10, 7, 10, 7, 10, 13, 13, 10, 10, 15, 11, 16, 11, 9, 11, 16, 11, 17, 11, 16, 11, 17,
 ];
 
-/// The masks of orbit `orbit`, as indices into [`MASKS`], ascending; empty for numbers from [`ORBIT_COUNT`] on.
+/// All masks, as indices into [`MASKS`], orbit after orbit and ascending within one: [`range`] says where an orbit lies.
+pub static BY_ORBIT: [u8; MASK_COUNT] = sort_by_orbit().0;
+
+/// Where each orbit begins in [`BY_ORBIT`], and where the last one ends.
+const BOUNDS: [usize; ORBIT_COUNT + 1] = sort_by_orbit().1;
+
+const fn sort_by_orbit() -> ([u8; MASK_COUNT], [usize; ORBIT_COUNT + 1]) {
+    let (mut masks, mut bounds) = ([0; MASK_COUNT], [0; ORBIT_COUNT + 1]);
+    let (mut orbit, mut at) = (0, 0);
+    while orbit < ORBIT_COUNT {
+        let mut mask = 0;
+        while mask < MASK_COUNT {
+            if ORBIT_OF[mask] as usize == orbit {
+                masks[at] = mask as u8;
+                at += 1;
+            }
+            mask += 1;
+        }
+        orbit += 1;
+        bounds[orbit] = at;
+    }
+    (masks, bounds)
+}
+
+/// Where the masks of an orbit lie in [`BY_ORBIT`]; empty for numbers from [`ORBIT_COUNT`] on.
+pub fn range(orbit: usize) -> Range<usize> {
+    match BOUNDS.get(orbit..) {
+        Some(&[start, end, ..]) => start..end,
+        _ => MASK_COUNT..MASK_COUNT,
+    }
+}
+
+/// The masks of an orbit, as indices into [`MASKS`], ascending; empty for numbers from [`ORBIT_COUNT`] on.
 pub fn members(orbit: usize) -> &'static [u8] {
-    layout().ranges.get(orbit).map_or(&[], |range| &layout().by_orbit[range.clone()])
+    &BY_ORBIT[range(orbit)]
 }
 
-/// Masks sorted by orbit: where an orbit's masks lie, so that loops over an orbit run over neighbours.
-pub struct Layout {
-    /// All mask indices, orbit after orbit, ascending within one.
-    pub by_orbit: [u8; MASK_COUNT],
-    /// The part of `by_orbit` that each orbit has.
-    pub ranges: [Range<usize>; ORBIT_COUNT],
-}
-
-/// The one [`Layout`].
-pub fn layout() -> &'static Layout {
-    static LAYOUT: LazyLock<Layout> = LazyLock::new(|| {
-        let mut by_orbit: [u8; MASK_COUNT] = std::array::from_fn(|mask| mask as u8);
-        by_orbit.sort_by_key(|&mask| (ORBIT_OF[usize::from(mask)], mask));
-        let before = |orbit: usize| ORBIT_OF.iter().filter(|&&other| usize::from(other) < orbit).count();
-        Layout { by_orbit, ranges: std::array::from_fn(|orbit| before(orbit)..before(orbit + 1)) }
-    });
-    &LAYOUT
-}
-
-/// The 48 symmetries of the cube as permutations of the masks: mask `m` becomes mask `p[m]`.
+/// The 48 symmetries of the cube as permutations `p` of the masks: mask `m` becomes mask `p[m]`.
 ///
-/// For each order of the axes and each choice of their directions; the first is the identity.
+/// There is one for each order of the axes and each choice of their directions; the first is the identity.
 pub fn symmetries() -> Vec<[u8; MASK_COUNT]> {
     const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
     let canonical = MASKS.map(|mask| pattern(mask.offsets()));
@@ -70,7 +83,7 @@ pub fn symmetries() -> Vec<[u8; MASK_COUNT]> {
             };
             symmetries.push(std::array::from_fn(|mask| {
                 let moved = pattern(MASKS[mask].offsets().map(image));
-                // The masks are all the patterns there are (tested there), so that the image is one of them.
+                // The masks are all the patterns that exist (tested in `masks`), so the image is one of them.
                 canonical.iter().position(|&other| other == moved).unwrap_or(mask) as u8
             }));
         }
@@ -91,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_what_the_symmetries_give() {
+    fn the_table_follows_from_the_symmetries() {
         let symmetries = symmetries();
         assert_eq!(symmetries.len(), 48);
         let mut orbit_of = [u8::MAX; MASK_COUNT];
@@ -109,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn symmetries_are_permutations_that_keep_the_order() {
+    fn symmetries_are_permutations_that_preserve_the_number_of_cells() {
         for symmetry in symmetries() {
             let mut seen = symmetry;
             seen.sort_unstable();
@@ -123,7 +136,10 @@ mod tests {
         let sizes: Vec<usize> = (0..ORBIT_COUNT).map(|orbit| members(orbit).len()).collect();
         assert_eq!(sizes.iter().sum::<usize>(), MASK_COUNT);
         assert_eq!(sizes.iter().filter(|&&size| size > 1).count(), 17);
-        assert!((0..ORBIT_COUNT).all(|o| members(o).iter().all(|&m| usize::from(ORBIT_OF[usize::from(m)]) == o)));
-        assert!(members(ORBIT_COUNT).is_empty());
+        for orbit in 0..ORBIT_COUNT {
+            assert!(members(orbit).is_sorted());
+            assert!(members(orbit).iter().all(|&mask| usize::from(ORBIT_OF[usize::from(mask)]) == orbit));
+        }
+        assert!(members(ORBIT_COUNT).is_empty() && members(usize::MAX).is_empty());
     }
 }

@@ -1,7 +1,7 @@
 //! [`SlabExtractor`] and [`RegionSlabExtractor`]: the sums of a volume that does not fit in memory.
 
 use crate::extraction::within;
-use crate::kernel::Slab;
+use crate::kernel::Input;
 use crate::voxels::Shape;
 use crate::{ExtractError, Extraction, OctantSums, RegionSums};
 
@@ -66,8 +66,8 @@ impl SlabExtractor {
         let windows = (self.planes.len() / plane).saturating_sub(2 * spacing);
         if windows > 0 {
             let windows = self.first..self.first + windows;
-            let slab = Slab { shape: self.shape, spacing, windows: windows.clone(), voxels: &self.planes };
-            self.octants += &self.options.slab_sums(&slab);
+            let input = Input { shape: self.shape, spacing, windows: windows.clone(), voxels: &self.planes };
+            self.octants += &self.options.input_sums(&input);
             self.planes.drain(..windows.len() * plane);
             self.first = windows.end;
         }

@@ -1,15 +1,14 @@
-//! Exact sums, and the moments that are made of them.
+//! Exact sums, and the moments made of them.
 
 use std::iter::Sum;
 use std::ops::AddAssign;
 
-use super::masks::{MASK_COUNT, MASKS};
 use crate::voxels::Shape;
+use crate::{MASK_COUNT, MASKS};
 
-/// 251 exact sums and the number of windows they run over.
+/// 251 exact sums and the number of windows that they run over.
 ///
-/// A product is at most 255^3 < 2^24, so a `u64` holds the sums of 2^40 windows: no volume that fits a machine
-/// overflows them.
+/// A product is at most 255^3 < 2^24, so a `u64` holds the sums of the 2^40 windows that a volume may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sums {
     /// The number of windows: (Z-2)(Y-2)(X-2) for a whole volume.
@@ -19,12 +18,10 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// No window, no sum.
+    /// The sums over no window.
     pub const ZERO: Self = Self { windows: 0, values: [0; MASK_COUNT] };
 
-    /// The moments: `sums / (windows * 255^cells)`, each in [0, 1]; all 0 where there is no window.
-    ///
-    /// This is *the* 251-d descriptor; stores keep it as `f32` ([`Sums::descriptor`]).
+    /// The moments, the 251-d descriptor: `sums / (windows * 255^cells)`, each in [0, 1]; all 0 if there is no window.
     pub fn moments(&self) -> [f64; MASK_COUNT] {
         let mut moments = [0.0; MASK_COUNT];
         if self.windows > 0 {
@@ -36,7 +33,7 @@ impl Sums {
         moments
     }
 
-    /// The moments rounded to `f32`, as stores keep them.
+    /// The [moments](Self::moments), rounded to `f32`.
     pub fn descriptor(&self) -> [f32; MASK_COUNT] {
         self.moments().map(|moment| moment as f32)
     }
@@ -65,12 +62,17 @@ impl<'a> Sum<&'a Sums> for Sums {
 /// Octant `4 a + 2 b + c` has the windows of the lower (0) or upper (1) half in Z (a), Y (b) and X (c). Sums are
 /// additive: the eight add up to the whole, to the bit.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct OctantSums(pub Box<[Sums; 8]>);
+pub struct OctantSums(pub(crate) Box<[Sums; 8]>);
 
 impl OctantSums {
-    /// Eight empty octants.
+    /// Eight octants without windows.
     pub fn zero() -> Self {
         Self(Box::new([Sums::ZERO; 8]))
+    }
+
+    /// The sums of the eight octants.
+    pub fn octants(&self) -> &[Sums; 8] {
+        &self.0
     }
 
     /// The sums of the whole volume.
@@ -78,10 +80,16 @@ impl OctantSums {
         self.0.iter().sum()
     }
 
-    /// The octant of the window at `position`, of a volume with `windows` windows along each axis (Z, Y, X).
+    /// The sums of the octant of the window at `position`, of a volume with `windows` windows along each axis (Z, Y, X).
     pub(crate) fn of_window_mut(&mut self, windows: Shape, position: Shape) -> &mut Sums {
         let upper = |axis: usize| usize::from(position[axis] >= windows[axis] / 2);
         &mut self.0[4 * upper(0) + 2 * upper(1) + upper(2)]
+    }
+}
+
+impl From<[Sums; 8]> for OctantSums {
+    fn from(octants: [Sums; 8]) -> Self {
+        Self(Box::new(octants))
     }
 }
 
@@ -103,7 +111,7 @@ pub struct MaskedSums {
 }
 
 impl MaskedSums {
-    /// The moments: `sums / (windows * 255^cells)`, each in [0, 1]; 0 for a mask without a window.
+    /// The moments: `sums / (windows * 255^cells)`, each in [0, 1]; 0 for a mask without windows.
     pub fn moments(&self) -> [f64; MASK_COUNT] {
         let mut moments = [0.0; MASK_COUNT];
         for (index, moment) in moments.iter_mut().enumerate() {
@@ -118,10 +126,10 @@ impl MaskedSums {
 
 /// The sums within a region, by octant in the order of [`OctantSums`].
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RegionSums(pub Box<[MaskedSums; 8]>);
+pub struct RegionSums(Box<[MaskedSums; 8]>);
 
 impl RegionSums {
-    /// Out of the sums of the voxels with everything outside set to 0, and those of the region as 0 and 255.
+    /// From the sums of the voxels with everything outside the region set to 0, and those of the region as 0 and 255.
     pub(crate) fn of(values: &OctantSums, inside: &OctantSums) -> Self {
         Self(Box::new(std::array::from_fn(|octant| {
             let mut windows = inside.0[octant].values;
@@ -130,6 +138,11 @@ impl RegionSums {
             }
             MaskedSums { windows, values: values.0[octant].values }
         })))
+    }
+
+    /// The sums of the eight octants.
+    pub fn octants(&self) -> &[MaskedSums; 8] {
+        &self.0
     }
 
     /// The sums of the whole region.

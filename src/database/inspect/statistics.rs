@@ -179,7 +179,7 @@ impl Database {
                 spaces: self.space_names()?,
                 nuisance: nuisance::declared(&snapshot),
                 format: crate::store::FORMAT_VERSION,
-                kernel: crate::hlac::kernel::active().name(),
+                kernel: crate::hlac::kernels::active().name(),
             },
             quarantined,
             revision: snapshot.revision(),

@@ -16,7 +16,7 @@ fn described(feature_set: &FeatureSet, seed: u64) -> Vec<(View, OctantSums)> {
         let order = |mask: usize| crate::hlac::MASKS[mask].order() as u32;
         Sums { windows: 2, values: std::array::from_fn(|mask| next() % (2 * 255_u64.pow(order(mask)) + 1)) }
     };
-    feature_set.views().iter().map(|&view| (view, OctantSums(Box::new(std::array::from_fn(|_| octant()))))).collect()
+    feature_set.views().iter().map(|&view| (view, OctantSums::from(std::array::from_fn(|_| octant())))).collect()
 }
 
 fn contributions(feature_set: &FeatureSet, seeds: &[u64]) -> Vec<Contribution> {

@@ -1,24 +1,25 @@
 //! AVX-512: 32 words in a register, 32 registers.
 //!
 //! [`Vnni`] multiplies and adds in one instruction, `vpdpwssd`. LLVM (rustc 1.95) rewrites its intrinsic into
-//! `vpmaddwd` and `vpaddd` wherever it thinks that it pays, and it does not: 1.56 times the time. One instruction of
-//! inline assembly keeps it; `benches/check_vnni.sh` counts them in the binary. [`Plain`] is for CPUs without VNNI.
+//! `vpmaddwd` and `vpaddd` where its cost model favours them, which takes 1.56 times as long. One instruction of inline
+//! assembly prevents that; `benches/check_vnni.sh` counts the instructions in the binary. [`Plain`] is for CPUs without
+//! VNNI.
 
 use std::arch::asm;
 use std::arch::x86_64::*;
 
+use super::Input;
 use super::body;
 use super::lanes::Lanes;
-use super::slab::Slab;
 use super::tiles::Wide;
 use crate::OctantSums;
 
-/// Whether this CPU runs [`plain`].
+/// Whether this CPU has AVX-512 F and BW, which [`plain`] needs.
 pub(super) fn has_plain() -> bool {
     is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw")
 }
 
-/// Whether this CPU runs [`vnni`] and [`vnni_folded`].
+/// Whether this CPU also has AVX-512 VNNI, which [`vnni`] and [`vnni_folded`] need.
 pub(super) fn has_vnni() -> bool {
     has_plain() && is_x86_feature_detected!("avx512vnni")
 }
@@ -26,31 +27,31 @@ pub(super) fn has_vnni() -> bool {
 /// AVX-512 F and BW.
 ///
 /// # Safety
-/// The CPU must have them ([`has_plain`]).
+/// The CPU must have these instructions ([`has_plain`]).
 #[target_feature(enable = "avx512f,avx512bw")]
-pub(super) unsafe fn plain(slab: &Slab<'_>) -> OctantSums {
-    // SAFETY: this function has the instructions of `Plain` enabled.
-    unsafe { body::sums::<Plain, Wide, false>(slab) }
+pub(super) unsafe fn plain(input: &Input<'_>) -> OctantSums {
+    // SAFETY: the instructions of `Plain` are enabled for this function, and the caller checked that the CPU has them.
+    unsafe { body::sums::<Plain, Wide, false>(input) }
 }
 
 /// AVX-512 F, BW and VNNI, one product per multiplication.
 ///
 /// # Safety
-/// The CPU must have them ([`has_vnni`]).
+/// The CPU must have these instructions ([`has_vnni`]).
 #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
-pub(super) unsafe fn vnni(slab: &Slab<'_>) -> OctantSums {
-    // SAFETY: this function has the instructions of `Vnni` enabled.
-    unsafe { body::sums::<Vnni, Wide, false>(slab) }
+pub(super) unsafe fn vnni(input: &Input<'_>) -> OctantSums {
+    // SAFETY: the instructions of `Vnni` are enabled for this function, and the caller checked that the CPU has them.
+    unsafe { body::sums::<Vnni, Wide, false>(input) }
 }
 
 /// AVX-512 F, BW and VNNI, two products per multiplication where that pays.
 ///
 /// # Safety
-/// The CPU must have them ([`has_vnni`]).
+/// The CPU must have these instructions ([`has_vnni`]).
 #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
-pub(super) unsafe fn vnni_folded(slab: &Slab<'_>) -> OctantSums {
-    // SAFETY: this function has the instructions of `Vnni` enabled.
-    unsafe { body::sums::<Vnni, Wide, true>(slab) }
+pub(super) unsafe fn vnni_folded(input: &Input<'_>) -> OctantSums {
+    // SAFETY: the instructions of `Vnni` are enabled for this function, and the caller checked that the CPU has them.
+    unsafe { body::sums::<Vnni, Wide, true>(input) }
 }
 
 macro_rules! implement {
@@ -61,67 +62,67 @@ macro_rules! implement {
 
             #[inline(always)]
             unsafe fn zero() -> Self {
-                // SAFETY: the caller promises AVX-512 F and BW, here and below.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW.
                 Self(unsafe { _mm512_setzero_si512() })
             }
             #[inline(always)]
             unsafe fn splat(word: i16) -> Self {
-                // SAFETY: as above.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW.
                 Self(unsafe { _mm512_set1_epi16(word) })
             }
             #[inline(always)]
             unsafe fn load(from: *const i16) -> Self {
-                // SAFETY: as above; the caller promises 32 readable, aligned words.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW and there are 32 readable, aligned words.
                 Self(unsafe { _mm512_load_si512(from.cast()) })
             }
             #[inline(always)]
             unsafe fn store(self, to: *mut i16) {
-                // SAFETY: as above; the caller promises 32 writable, aligned words.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW and there are 32 writable, aligned words.
                 unsafe { _mm512_store_si512(to.cast(), self.0) }
             }
             #[inline(always)]
             unsafe fn widen(from: *const u8) -> Self {
-                // SAFETY: as above; the caller promises 32 readable bytes.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW and there are 32 readable bytes.
                 Self(unsafe { _mm512_cvtepu8_epi16(_mm256_loadu_si256(from.cast())) })
             }
             #[inline(always)]
             unsafe fn and(self, other: Self) -> Self {
-                // SAFETY: as above.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW.
                 Self(unsafe { _mm512_and_si512(self.0, other.0) })
             }
             #[inline(always)]
             unsafe fn xor(self, other: Self) -> Self {
-                // SAFETY: as above.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW.
                 Self(unsafe { _mm512_xor_si512(self.0, other.0) })
             }
             #[inline(always)]
             unsafe fn add_words(self, other: Self) -> Self {
-                // SAFETY: as above.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW.
                 Self(unsafe { _mm512_add_epi16(self.0, other.0) })
             }
             #[inline(always)]
             unsafe fn subtract_words(self, other: Self) -> Self {
-                // SAFETY: as above.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW.
                 Self(unsafe { _mm512_sub_epi16(self.0, other.0) })
             }
             #[inline(always)]
             unsafe fn multiply_words(self, other: Self) -> Self {
-                // SAFETY: as above.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW.
                 Self(unsafe { _mm512_mullo_epi16(self.0, other.0) })
             }
             #[inline(always)]
             unsafe fn add(self, other: Self) -> Self {
-                // SAFETY: as above.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW.
                 Self(unsafe { _mm512_add_epi32(self.0, other.0) })
             }
             #[inline(always)]
             unsafe fn subtract(self, other: Self) -> Self {
-                // SAFETY: as above.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW.
                 Self(unsafe { _mm512_sub_epi32(self.0, other.0) })
             }
             #[inline(always)]
             unsafe fn add_widened(self, sums: Self) -> Self {
-                // SAFETY: as above.
+                // SAFETY: by the contract of `Lanes`, the CPU has AVX-512 F and BW.
                 unsafe {
                     let even = _mm512_srai_epi64::<32>(_mm512_slli_epi64::<32>(sums.0));
                     let odd = _mm512_srai_epi64::<32>(sums.0);
@@ -130,7 +131,7 @@ macro_rules! implement {
             }
             #[inline(always)]
             unsafe fn multiply_add(self, a: Self, b: Self) -> Self {
-                // SAFETY: the caller promises the instructions of this type.
+                // SAFETY: by the contract of `Lanes`, the CPU has the instructions of this type.
                 Self(unsafe { $multiply_add(self.0, a.0, b.0) })
             }
         }
@@ -146,7 +147,7 @@ implement!(Vnni, multiply_add_vnni);
 #[inline]
 #[target_feature(enable = "avx512f,avx512vnni")]
 fn multiply_add_vnni(mut sum: __m512i, a: __m512i, b: __m512i) -> __m512i {
-    // SAFETY: the instruction is enabled for this function, and reads and writes these three registers only.
+    // SAFETY: the instruction is enabled for this function, and reads and writes only these three registers.
     unsafe {
         asm!("vpdpwssd {sum}, {a}, {b}", sum = inout(zmm_reg) sum, a = in(zmm_reg) a, b = in(zmm_reg) b,
              options(nomem, nostack, preserves_flags));

@@ -1,72 +1,72 @@
-//! Volumes of two values: the product of a mask's cells is a bitwise *and* of 32 windows at once, and its sum a
-//! population count.
+//! Volumes of two values: the product of a mask's cells is a bitwise *and* of 32 windows at once, and the sum of products
+//! a population count.
 //!
-//! The body is plain Rust; the compiler makes vectors of it for each set of instructions that it is built for.
+//! [`count`] is plain Rust, which the compiler vectorises for each instruction set that it is compiled for.
 
 use std::ops::Range;
 
-use super::slab::Slab;
+use super::Input;
 use crate::{MASKS, Mask, OctantSums};
 
 /// Whether every voxel is 0 or 255.
 pub(super) fn is_binary(voxels: &[u8]) -> bool {
-    // Whole chunks without a branch, so that the compiler makes vectors; ordinary volumes leave at the first.
+    // No branch within a chunk, so that the compiler vectorises it; most volumes of other values end at the first chunk.
     voxels.chunks(4096).all(|chunk| chunk.iter().fold(true, |binary, voxel| binary & (voxel.wrapping_add(1) <= 1)))
 }
 
-/// What a slab adds to the octant sums of its volume, where every voxel that is not 0 counts as 255.
-pub(super) fn sums(slab: &Slab<'_>) -> OctantSums {
+/// What a input adds to the octant sums of its volume, where every voxel that is not 0 counts as 255.
+pub(crate) fn sums(input: &Input<'_>) -> OctantSums {
     #[cfg(target_arch = "x86_64")]
     {
         if is_x86_feature_detected!("avx512vl") && is_x86_feature_detected!("avx512vpopcntdq") {
-            // SAFETY: the CPU was just found to have the instructions.
-            return unsafe { sums_avx512(slab) };
+            // SAFETY: the CPU was just found to have AVX-512 VL and VPOPCNTDQ, and so F.
+            return unsafe { sums_avx512(input) };
         }
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("popcnt") {
-            // SAFETY: as above.
-            return unsafe { sums_avx2(slab) };
+            // SAFETY: the CPU was just found to have AVX2 and POPCNT.
+            return unsafe { sums_avx2(input) };
         }
     }
-    count(slab)
+    count(input)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512vpopcntdq")]
-fn sums_avx512(slab: &Slab<'_>) -> OctantSums {
-    count(slab)
+fn sums_avx512(input: &Input<'_>) -> OctantSums {
+    count(input)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,popcnt")]
-fn sums_avx2(slab: &Slab<'_>) -> OctantSums {
-    count(slab)
+fn sums_avx2(input: &Input<'_>) -> OctantSums {
+    count(input)
 }
 
-/// The occupied cells of some rows and columns of windows, as bits: for each (y, x) of a cell one array over the planes of the
-/// slab, the rows and words of 32 columns. The windows of successive planes follow one another, so that loops are long.
+/// The occupied cells of some rows and columns of windows, as bits: for each (y, x) of a cell, one array over the planes of
+/// the input, the rows, and words of 32 columns. Successive planes are contiguous, so that loops are long.
 struct Bits {
     cells: [Vec<u32>; 9],
-    /// The words of a plane.
+    /// The number of words of a plane.
     plane: usize,
 }
 
 impl Bits {
-    /// `columns` holds, for each x of a cell, the words of every row of the slab.
+    /// `columns` holds, for each x of a cell, the words of every row of the input; `rows` are the window rows.
     #[inline(always)]
-    fn new(columns: &[Vec<u32>; 3], slab: &Slab<'_>, rows: &Range<usize>) -> Self {
-        let lines = slab.voxels.len() / slab.shape[2];
+    fn new(columns: &[Vec<u32>; 3], input: &Input<'_>, rows: &Range<usize>) -> Self {
+        let lines = input.voxels.len() / input.shape[2];
         let words = columns[0].len() / lines;
         let mut cells = [const { Vec::new() }; 9];
         for (cell, bits) in cells.iter_mut().enumerate() {
-            let y = slab.spacing * (cell / 3);
-            for plane in columns[cell % 3].chunks_exact(slab.shape[1] * words) {
+            let y = input.spacing * (cell / 3);
+            for plane in columns[cell % 3].chunks_exact(input.shape[1] * words) {
                 bits.extend_from_slice(&plane[(rows.start + y) * words..(rows.end + y) * words]);
             }
         }
         Self { cells, plane: rows.len() * words }
     }
 
-    /// The words of a cell over the windows of `planes`, counted from the slab's first.
+    /// The words of a cell over the windows of `planes`, counted from the input's first window plane.
     #[inline(always)]
     fn cell(&self, cell: u8, planes: &Range<usize>, spacing: usize) -> &[u32] {
         let (z, cell) = (spacing * usize::from(cell / 9), usize::from(cell % 9));
@@ -85,13 +85,13 @@ fn occupy(voxels: &[u8], bits: &mut [u64]) {
             eight[..voxels.len()].copy_from_slice(voxels);
             let eight = u64::from_le_bytes(eight);
             let occupied = (((eight & LOW) + LOW) | eight) & !LOW;
-            // The eight top bits, gathered into the top byte.
+            // Gathers the eight top bits into the top byte.
             *word |= ((occupied >> 7).wrapping_mul(0x0102_0408_1020_4080) >> 56) << (8 * byte);
         }
     }
 }
 
-/// The bits `from .. from + length` of each row, as words of 32.
+/// The bits `from .. from + length` of each row, as words of 32 bits.
 #[inline(always)]
 fn shifted(occupied: &[u64], stride: usize, from: usize, length: usize) -> Vec<u32> {
     let words = length.div_ceil(32);
@@ -115,14 +115,14 @@ fn field(bits: &[u64], at: usize) -> u32 {
 }
 
 #[inline(always)]
-fn count(slab: &Slab<'_>) -> OctantSums {
+fn count(input: &Input<'_>) -> OctantSums {
     let mut octants = OctantSums::zero();
-    let grid = slab.grid();
+    let grid = input.grid();
     let halves = |length: usize| [0..length / 2, length / 2..length];
-    let row = slab.shape[2];
+    let row = input.shape[2];
     let stride = row.div_ceil(64);
-    let mut occupied = vec![0; slab.voxels.len() / row * stride];
-    for (bits, voxels) in occupied.chunks_exact_mut(stride).zip(slab.voxels.chunks_exact(row)) {
+    let mut occupied = vec![0; input.voxels.len() / row * stride];
+    for (bits, voxels) in occupied.chunks_exact_mut(stride).zip(input.voxels.chunks_exact(row)) {
         occupy(voxels, bits);
     }
     for octant in 0..4 {
@@ -130,25 +130,25 @@ fn count(slab: &Slab<'_>) -> OctantSums {
         if rows.is_empty() || columns.is_empty() {
             continue;
         }
-        let cells = [0, 1, 2].map(|x| shifted(&occupied, stride, columns.start + slab.spacing * x, columns.len()));
-        let bits = Bits::new(&cells, slab, rows);
+        let cells = [0, 1, 2].map(|x| shifted(&occupied, stride, columns.start + input.spacing * x, columns.len()));
+        let bits = Bits::new(&cells, input, rows);
         for (upper, planes) in halves(grid[0]).into_iter().enumerate() {
-            let planes = planes.start.max(slab.windows.start)..planes.end.min(slab.windows.end);
+            let planes = planes.start.max(input.windows.start)..planes.end.min(input.windows.end);
             if planes.is_empty() {
                 continue;
             }
-            let planes = planes.start - slab.windows.start..planes.end - slab.windows.start;
+            let planes = planes.start - input.windows.start..planes.end - input.windows.start;
             let sums = &mut octants.0[4 * upper + octant];
             sums.windows += (planes.len() * rows.len() * columns.len()) as u64;
             for (value, mask) in sums.values.iter_mut().zip(&MASKS) {
-                *value += 255_u64.pow(mask.order() as u32) * hits(mask, |cell| bits.cell(cell, &planes, slab.spacing));
+                *value += 255_u64.pow(mask.order() as u32) * hits(mask, |cell| bits.cell(cell, &planes, input.spacing));
             }
         }
     }
     octants
 }
 
-/// In how many windows all of a mask's cells are occupied.
+/// The number of windows in which all of a mask's cells are occupied.
 #[inline(always)]
 fn hits<'a>(mask: &Mask, cell: impl Fn(u8) -> &'a [u32]) -> u64 {
     match *mask.cells() {
@@ -159,7 +159,7 @@ fn hits<'a>(mask: &Mask, cell: impl Fn(u8) -> &'a [u32]) -> u64 {
     }
 }
 
-/// How many bits all three have. Counted in 32 bits as long as they hold, which is what makes wide vectors.
+/// The number of bits set in all three. Counts stay in 32 bits as long as they fit, which makes the vectors wide.
 #[inline(always)]
 fn ones(a: &[u32], b: &[u32], c: &[u32]) -> u64 {
     const LONG: usize = 1 << 20;

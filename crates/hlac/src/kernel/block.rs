@@ -1,4 +1,4 @@
-//! [`Memory`] and [`Block`]: packed voxels, and what a pass over them adds to.
+//! [`Memory`] and [`Block`]: packed voxels, and the totals that a pass over them adds to.
 
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
@@ -6,10 +6,10 @@ use std::mem::MaybeUninit;
 use super::lanes::{Lanes, MAX_WORDS};
 use super::plan::{ONE, TERMS};
 
-/// How many window planes are packed at once, and at most how many window rows of each.
+/// The most window planes that are packed at once, and the most window rows of each.
 pub(super) const CHUNK: [usize; 2] = [16, 32];
 
-/// How many rows fit a 32-bit lane: a row adds two products of at most 32 768 x 255 to it.
+/// The number of rows that a 32-bit lane can sum: each adds two products of at most 32 768 x 255 to it.
 pub(super) const BLOCK_ROWS: usize = 128;
 
 /// The thirds of the plans: 27 cells and [`ONE`].
@@ -19,14 +19,14 @@ pub(super) const THIRDS: usize = ONE + 1;
 #[repr(C, align(64))]
 pub(super) struct Words<const N: usize>(pub(super) [i16; N]);
 
-/// What one call of a kernel works in: about 160 KB of stack, most of it in the second-level cache at a time.
+/// The working memory of one call of a kernel: about 160 KB of stack, most of which stays in the second-level cache.
 ///
-/// A packed row is three registers: the voxels of one register of windows, seen from their cells of x = 0, 1 and 2, so
-/// that every load is aligned. Lanes without a window are 0.
+/// A packed row is three registers: for one register of windows, the voxels at their cells of x = 0, 1 and 2, so that every
+/// load is aligned. Lanes without a window are 0.
 #[repr(C, align(64))]
 pub(super) struct Memory {
     voxels: MaybeUninit<Words<{ (CHUNK[0] + 2) * (CHUNK[1] + 2) * 3 * MAX_WORDS }>>,
-    /// 1 in the lanes of windows.
+    /// 1 in the lanes of windows, 0 in the others.
     pub(super) ones: Words<MAX_WORDS>,
     /// For each packed plane and each (y, x) of a cell, the sums of the rows, and of the products of paired rows.
     planes: MaybeUninit<Words<{ (CHUNK[0] + 2) * 9 * 2 * MAX_WORDS }>>,
@@ -50,14 +50,14 @@ impl Memory {
         }
     }
 
-    /// Where a packed row begins.
+    /// A pointer to a packed row.
     #[inline(always)]
     pub(super) fn row<V: Lanes>(&mut self, plane: usize, row: usize) -> *mut i16 {
         debug_assert!(plane < CHUNK[0] + 2 && row < CHUNK[1] + 2, "{plane} {row}");
         self.voxels.as_mut_ptr().cast::<i16>().wrapping_add(plane * plane_words::<V>() + row * row_words::<V>())
     }
 
-    /// Where the two sums of a packed plane are.
+    /// A pointer to the two sums of a packed plane.
     #[inline(always)]
     fn plane<V: Lanes>(&mut self, plane: usize, cell: usize) -> *mut i16 {
         debug_assert!(plane < CHUNK[0] + 2 && cell < 9, "{plane} {cell}");
@@ -101,7 +101,8 @@ impl<V: Lanes> Row<V> {
                 self.at.wrapping_add(offset)
             }
         };
-        // SAFETY: a block's rows are packed with the two rows and the two planes that their windows reach into.
+        // SAFETY: the caller promises the instructions and a row inside its block; `pack` packs the two further rows and planes
+        // that the windows of a block reach into.
         unsafe { V::load(at) }
     }
 
@@ -111,17 +112,17 @@ impl<V: Lanes> Row<V> {
     /// As for [`Row::third`].
     #[inline(always)]
     pub(super) unsafe fn pair(self, [a, b]: [usize; 2]) -> V {
-        // SAFETY: the caller promises the same.
+        // SAFETY: the caller promises what `third` requires.
         unsafe { self.third(a).multiply_words(self.third(b)).xor(V::splat(i16::MIN)) }
     }
 }
 
-/// Rows of windows, plane after plane. One loop rather than two, so that its end is guessed wrong once.
+/// Rows of windows, plane after plane. One loop rather than two, so that its end is mispredicted once only.
 struct Steps<V> {
     row: Row<V>,
     left: usize,
     left_in_plane: usize,
-    /// How many steps there are in a plane, and the words from one to the next and, more, to the next plane.
+    /// The number of steps in a plane, the words from one step to the next, and the further words to the next plane.
     in_plane: usize,
     step: usize,
     turn: usize,
@@ -156,20 +157,20 @@ impl<V: Lanes> Iterator for Steps<V> {
     }
 }
 
-/// As many packed windows as a 32-bit lane can sum up: at most [`BLOCK_ROWS`] rows.
+/// As many packed windows as a 32-bit lane can sum: at most [`BLOCK_ROWS`] rows.
 pub(super) struct Block<'a, V> {
     memory: &'a mut Memory,
     first: usize,
     /// The number of window planes.
     planes: usize,
-    /// In each plane, how often two rows are taken at a time, and how many are then taken one by one.
+    /// In each plane, the number of row pairs, and of the rows after them that are taken one by one.
     row_pairs: usize,
     single_rows: usize,
     lanes: PhantomData<V>,
 }
 
 impl<'a, V: Lanes> Block<'a, V> {
-    /// The block of `planes` window planes from the packed plane `first`, each of twice `row_pairs` and `single_rows` rows.
+    /// The block of `planes` window planes from the packed plane `first`, each with `2 * row_pairs + single_rows` rows.
     pub(super) fn new(
         memory: &'a mut Memory,
         first: usize,
@@ -208,7 +209,8 @@ impl<'a, V: Lanes> Block<'a, V> {
     #[inline(always)]
     pub(super) unsafe fn third_products(&self, third: usize) -> V {
         let register = &self.memory.third_products.0[third * V::WORDS..][..V::WORDS];
-        // SAFETY: the register's words were borrowed just above.
+        // SAFETY: the caller promises the instructions; the words were sliced just above, and are aligned because `Words` is
+        // aligned to the widest register and the offset is a whole number of registers.
         unsafe { V::load(register.as_ptr()) }
     }
 
@@ -219,18 +221,19 @@ impl<'a, V: Lanes> Block<'a, V> {
     #[inline(always)]
     pub(super) unsafe fn add_total(&mut self, term: usize, sum: V) {
         let total = self.memory.totals.0[term * V::WORDS..][..V::WORDS].as_mut_ptr();
-        // SAFETY: the register's words were borrowed just above.
+        // SAFETY: the caller promises the instructions; the words were sliced just above, and are aligned because `Words` is
+        // aligned to the widest register and the offset is a whole number of registers.
         unsafe { V::load(total).add_widened(sum).store(total) }
     }
 
-    /// Makes [`Block::third_products`] of the planes' sums.
+    /// Computes [`Block::third_products`] from the sums of the planes.
     ///
     /// # Safety
-    /// The CPU must have the instructions of `V`, and [`sum_planes`] must have seen the planes.
+    /// The CPU must have the instructions of `V`, and [`sum_planes`] must have run on the planes.
     #[inline(always)]
     pub(super) unsafe fn prepare(&mut self) {
         let products = self.memory.third_products.0.as_mut_ptr();
-        // SAFETY: there are `THIRDS` registers of products.
+        // SAFETY: the caller promises the instructions; there are `THIRDS` registers of products, aligned like `Words`.
         unsafe {
             for third in 0..ONE {
                 let mut sum = V::zero();
@@ -247,17 +250,18 @@ impl<'a, V: Lanes> Block<'a, V> {
     }
 }
 
-/// Sums up the rows of each packed plane, and adds them to the thirds' sums.
+/// Sums the rows of each packed plane, and adds them to the sums of the thirds.
 ///
-/// The sums over windows of the cells above one another differ by the first and last rows only, and planes serve up to three
-/// layers of cells: a few additions to a row instead of 27.
+/// The sums of cells that differ in y only differ by the first and last rows, and a plane serves up to three layers of cells:
+/// this takes a few additions per row instead of 27.
 ///
 /// # Safety
 /// The CPU must have the instructions of `V`; `planes + 2` planes of `rows + 2` rows must be packed.
 #[inline(always)]
 pub(super) unsafe fn sum_planes<V: Lanes, const FOLD: bool>(memory: &mut Memory, planes: usize, rows: usize) {
     let row_pairs = if FOLD { rows / 2 } else { 0 };
-    // SAFETY: rows and planes lie inside what is packed, and there are `THIRDS` registers of sums.
+    // SAFETY: the caller promises the instructions and that the rows and planes are packed; there are `THIRDS` registers of
+    // sums.
     unsafe {
         for plane in 0..planes + 2 {
             let start = memory.row::<V>(plane, 0);

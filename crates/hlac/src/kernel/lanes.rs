@@ -1,23 +1,26 @@
-//! [`Lanes`]: the dozen vector operations that the exact sums are made of, and their plain implementation.
+//! [`Lanes`]: the vector operations that the kernels need, and their implementation in plain Rust.
 //!
-//! One register type serves as 16-bit words and as 32-bit integers (two words each). The kernels are one body over this
-//! trait; an instruction set is one file that implements it.
+//! One register type serves as 16-bit words, as 32-bit lanes (two words each) and as 64-bit lanes. `body.rs` is written
+//! over this trait; each instruction set has one file that implements it.
 
 /// A vector register.
 ///
 /// # Safety
-/// Every function may use instructions that only some CPUs have: the caller must have checked for those of the
-/// implementing file. Pointers must be valid for [`Lanes::WORDS`] elements and, but for `widen`, aligned to the register.
-/// Functions are `#[inline(always)]`, so that they become part of a caller that has the instructions enabled.
+/// - Every function may use instructions that only some CPUs have. The caller must have checked that the CPU has those of
+///   the implementing file.
+/// - Pointers must be valid for [`Lanes::WORDS`] elements and, except in `widen`, aligned to the register.
+///
+/// Functions are `#[inline(always)]`, so that they become part of a caller for which the instructions are enabled.
 pub(super) trait Lanes: Copy {
-    /// How many 16-bit words a register holds; at most [`MAX_WORDS`].
+    /// The number of 16-bit words in a register; at most [`MAX_WORDS`].
     const WORDS: usize;
-    /// Words `GROUP * i .. GROUP * (i + 1)` end in 64-bit lanes `GROUP / 4 * i .. GROUP / 4 * (i + 1)`.
+    /// [`multiply_add`](Lanes::multiply_add) and [`add_widened`](Lanes::add_widened) together add the products of words
+    /// `GROUP * i .. GROUP * (i + 1)` to the 64-bit lanes `GROUP / 4 * i .. GROUP / 4 * (i + 1)`.
     const GROUP: usize;
 
     /// All bits 0.
     unsafe fn zero() -> Self;
-    /// The same word everywhere.
+    /// The same word in all places.
     unsafe fn splat(word: i16) -> Self;
     /// Reads words.
     unsafe fn load(from: *const i16) -> Self;
@@ -41,22 +44,22 @@ pub(super) trait Lanes: Copy {
     unsafe fn subtract(self, other: Self) -> Self;
     /// Adds the sums of neighbouring 32-bit lanes, with their signs, to 64-bit lanes.
     unsafe fn add_widened(self, sums: Self) -> Self;
-    /// Adds the products of signed words to 32-bit lanes, wrapping; which word goes where is told by `GROUP`.
+    /// Adds the products of signed words to 32-bit lanes, wrapping. The lane of a word depends on [`Lanes::GROUP`].
     unsafe fn multiply_add(self, a: Self, b: Self) -> Self;
 }
 
 /// The widest register, in words.
 pub(super) const MAX_WORDS: usize = 32;
 
-/// Eight words in plain Rust, for CPUs without a kernel of their own.
+/// Eight words in plain Rust, for CPUs without a vector kernel.
 ///
-/// A `GROUP` of 4 adds neighbouring products, as x86 does; 8 adds those four apart, as Arm does, which lets tests run the
-/// body in that way too. Nothing is inlined: the loops of the plans would grow very long.
+/// A `GROUP` of 4 adds neighbouring products, as x86 does. A `GROUP` of 8 adds products four apart, as Arm does, so that
+/// tests cover that order on any CPU. Nothing is inlined, because the loops of the plans would grow very long.
 #[derive(Clone, Copy)]
 #[repr(align(16))]
 pub(super) struct Portable<const GROUP: usize = 4>([i16; WORDS]);
 
-/// The words of a portable register.
+/// The number of words in a portable register.
 const WORDS: usize = 8;
 
 impl<const GROUP: usize> Portable<GROUP> {
@@ -96,17 +99,17 @@ impl<const GROUP: usize> Lanes for Portable<GROUP> {
     }
     #[inline(never)]
     unsafe fn load(from: *const i16) -> Self {
-        // SAFETY: the caller promises `WORDS` readable, aligned words.
+        // SAFETY: by the contract of the trait, there are `WORDS` readable, aligned words.
         unsafe { from.cast::<Self>().read() }
     }
     #[inline(never)]
     unsafe fn store(self, to: *mut i16) {
-        // SAFETY: the caller promises `WORDS` writable, aligned words.
+        // SAFETY: by the contract of the trait, there are `WORDS` writable, aligned words.
         unsafe { to.cast::<Self>().write(self) }
     }
     #[inline(never)]
     unsafe fn widen(from: *const u8) -> Self {
-        // SAFETY: the caller promises `WORDS` readable bytes; bytes need no alignment.
+        // SAFETY: by the contract of the trait, there are `WORDS` readable bytes; bytes need no alignment.
         let bytes = unsafe { from.cast::<[u8; WORDS]>().read() };
         Self(bytes.map(i16::from))
     }

@@ -1,11 +1,11 @@
-//! The plan as data: which pair serves which masks in which tile.
+//! The plans as data: which pair serves which masks in which tile.
 //!
 //! A *tile* is what one pass over the voxels accumulates in registers. It multiplies a few *pairs* of cells (each named by
-//! its two letters), then takes the *third* cells one by one, each with the pairs that make masks with it. A third of
-//! `one` has the value 1 in every window: it completes the masks of order 2.
+//! its two letters), then takes the *third* cells one by one, each with the pairs that form masks with it. The third
+//! `one` has the value 1 in every window: it completes the masks of two cells.
 //!
-//! The tables are written as macros, because a tile's loop must name its registers: `wide!(with)` hands the table of
-//! the wide plan to the macro `with`. This file makes constants of them, [`super::tiles`] makes loops.
+//! The tables are macros, because a tile's loop must name its registers: `wide!(with)` passes the table of the wide plan
+//! to the macro `with`. This file turns the tables into constants, and [`super::tiles`] turns them into loops.
 
 use crate::masks::{MASK_COUNT, MASKS};
 
@@ -16,7 +16,7 @@ pub(super) struct Term {
     pub(super) third: &'static str,
     /// The letters of the pair.
     pub(super) pair: &'static str,
-    /// Whether a folding kernel folds it.
+    /// Whether folding kernels fold this product.
     pub(super) folded: bool,
 }
 
@@ -52,9 +52,9 @@ const CELLS: [u32; MASK_COUNT] = {
 /// The products that are accumulated together.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tile {
-    /// The pairs that are multiplied.
+    /// The pairs of the tile.
     pub(super) pairs: &'static [&'static str],
-    /// What they are multiplied with, in the order of the loop.
+    /// The products with their thirds, in the order of the loop.
     pub(super) terms: &'static [Term],
 }
 
@@ -90,7 +90,7 @@ impl Tile {
     }
 }
 
-/// How many terms a plan has: all masks but that of one cell.
+/// The number of terms of a plan: one for each mask except that of one cell.
 pub(super) const TERMS: usize = MASK_COUNT - 1;
 
 /// The masks and thirds of a plan's terms, in the order of the tiles.
@@ -109,7 +109,7 @@ pub(super) const fn slots(tiles: &[Tile]) -> [(usize, usize); TERMS] {
     slots
 }
 
-/// The index that stands for the third `one`: the one after the 27 cells.
+/// The index of the third `one`, which follows the 27 cells.
 pub(super) const ONE: usize = 27;
 
 /// The index `9 z + 3 y + x` of a cell by its letter, [`ONE`] for `one`.

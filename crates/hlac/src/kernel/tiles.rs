@@ -1,7 +1,7 @@
 //! The loops of the plans: every tile of a plan over one block of packed voxels.
 //!
-//! One macro makes them of a plan's table. Every index in it is a constant, so that arrays become registers; the order of
-//! the program is the table's, third by third, which keeps few of them alive at a time.
+//! One macro generates them from a plan's table. Every index in it is a constant, so that arrays become registers. The
+//! code follows the order of the table, third by third, so that few registers are live at a time.
 
 use super::block::Block;
 use super::lanes::Lanes;
@@ -31,8 +31,8 @@ const fn base(tiles: &[Tile], tile: usize) -> usize {
     terms
 }
 
-/// A value that is computed while compiling: an item by itself, because thousands of `const { }` blocks take the compiler
-/// a minute.
+/// A value computed at compile time. It is an item of its own, because thousands of `const { }` blocks take the compiler a
+/// minute.
 macro_rules! constant {
     ($type:ty: $value:expr) => {{
         const VALUE: $type = $value;
@@ -68,14 +68,14 @@ macro_rules! third {
     };
 }
 
-/// Whether a term's word says that it is folded.
+/// Whether a term is marked as folded.
 macro_rules! fold {
     ($how:ident) => {
         constant!(bool: equal(stringify!($how), "fold"))
     };
 }
 
-/// The function [`Plan::pass`] of a plan's table.
+/// Generates [`Plan::pass`] from a plan's table.
 macro_rules! passes {
     ($($tile:literal: $($pair:ident)+ { $($third:ident: $($how:ident $with:ident),+;)+ })+) => {
         #[inline(always)]
@@ -83,7 +83,7 @@ macro_rules! passes {
             $({
                 const TILE: Tile = TILES[$tile];
                 const BASE: usize = base(TILES, $tile);
-                // SAFETY: the caller promises the instructions.
+                // SAFETY: the caller promises that the CPU has the instructions of `V`.
                 unsafe {
                     let mut sums = [V::zero(); TILE.terms.len()];
                     let mut squares = [V::zero(); TILE.pairs.len()];
@@ -150,7 +150,7 @@ impl Plan for Wide {
     unsafe fn pass<V: Lanes, const FOLD: bool>(block: &mut Block<'_, V>) {
         const TILES: &[Tile] = Wide::TILES;
         wide!(passes);
-        // SAFETY: the caller promises the instructions.
+        // SAFETY: the caller promises that the CPU has the instructions of `V`.
         unsafe { pass::<V, FOLD>(block) }
     }
 }
@@ -167,7 +167,7 @@ impl Plan for Narrow {
     unsafe fn pass<V: Lanes, const FOLD: bool>(block: &mut Block<'_, V>) {
         const TILES: &[Tile] = Narrow::TILES;
         narrow!(passes);
-        // SAFETY: the caller promises the instructions.
+        // SAFETY: the caller promises that the CPU has the instructions of `V`.
         unsafe { pass::<V, FOLD>(block) }
     }
 }
@@ -180,7 +180,7 @@ mod tests {
     use super::*;
     use crate::{MASK_COUNT, MASKS};
 
-    /// The registers that a tile keeps from row to row and within one: sums, products, and sums of folded pairs.
+    /// The registers that a tile keeps live: sums, products, and sums of folded pairs.
     fn registers(tile: &Tile, fold: bool) -> usize {
         let products = if fold { 2 } else { 1 } * tile.pairs.len();
         let squares = tile.pairs.iter().filter(|pair| fold && tile.folds(pair)).count();
@@ -190,12 +190,12 @@ mod tests {
     fn check(tiles: &[Tile], registers_of_the_cpu: usize, fold: bool) {
         let mut seen = BTreeSet::new();
         for (mask, third) in slots(tiles) {
-            assert!(seen.insert(mask), "{} comes twice", MASKS[mask].letters());
+            assert!(seen.insert(mask), "{} is there twice", MASKS[mask].letters());
             assert_eq!(third == ONE, MASKS[mask].order() == 2, "{}", MASKS[mask].letters());
         }
-        assert_eq!(seen, (1..MASK_COUNT).collect(), "all masks but that of one cell");
+        assert_eq!(seen, (1..MASK_COUNT).collect(), "all masks except that of one cell");
         for tile in tiles {
-            // Two more at least: a third, and a sum on its way.
+            // At least two more: a third, and an intermediate sum.
             assert!(registers(tile, fold) + 2 <= registers_of_the_cpu, "{tile:?}");
             for term in tile.terms {
                 assert!(tile.pairs.contains(&term.pair), "{term:?}");

@@ -1,9 +1,9 @@
-//! Windows gathered from anywhere, many side by side: for those at random places.
+//! Windows at arbitrary positions, gathered side by side.
 
 use crate::MASKS;
 use crate::masks::MASK_COUNT;
 
-/// How many windows are taken at once: with products of 24 bits, their sums fit 32.
+/// The number of windows taken at once: the sum of 64 products of 24 bits fits 32 bits.
 pub(crate) const WINDOWS: usize = 64;
 
 /// The intensities at the 27 cells of some windows.
@@ -13,7 +13,7 @@ pub(crate) type Cells = [[u8; WINDOWS]; 27];
 pub(crate) fn add(cells: &Cells, values: &mut [u64; MASK_COUNT]) {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
-        // SAFETY: the CPU was just found to have the instructions.
+        // SAFETY: the CPU was just found to have AVX2.
         return unsafe { add_avx2(cells, values) };
     }
     add_all(cells, values);
@@ -25,7 +25,7 @@ fn add_avx2(cells: &Cells, values: &mut [u64; MASK_COUNT]) {
     add_all(cells, values);
 }
 
-/// Plain loops of fixed length, which the compiler makes vectors of.
+/// Plain loops of fixed length, which the compiler vectorises.
 #[inline(always)]
 fn add_all(cells: &Cells, values: &mut [u64; MASK_COUNT]) {
     let cells = cells.map(|windows| windows.map(u32::from));

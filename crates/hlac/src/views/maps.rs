@@ -1,15 +1,15 @@
-//! The integer mappings, each over a whole volume at once.
+//! The mappings of the views, each over a whole volume at once.
 
 use std::borrow::Cow;
 
 use crate::voxels::Shape;
 
-/// How many voxels have each level.
+/// The number of voxels of each level.
 fn histogram(voxels: &[u8]) -> [u64; 256] {
-    // Four tables, so that runs of equal voxels do not wait for one counter.
+    // With four tables, a run of equal voxels does not wait for a single counter.
     let mut tables = [[0_u32; 256]; 4];
     let mut total = [0_u64; 256];
-    // Parts that no counter can overflow on.
+    // Parts too short to overflow a counter.
     for part in voxels.chunks(1 << 30) {
         let (quads, rest) = part.as_chunks::<4>();
         for quad in quads {
@@ -34,7 +34,7 @@ fn look_up(voxels: &[u8], table: &[u8; 256]) -> Vec<u8> {
     voxels.iter().map(|&voxel| table[usize::from(voxel)]).collect()
 }
 
-/// `stretch@1`; borrowed where nothing changes.
+/// `stretch@1`; borrowed if nothing changes.
 pub(super) fn stretch(voxels: &[u8]) -> Cow<'_, [u8]> {
     let n = voxels.len() as u128;
     let histogram = histogram(voxels);
@@ -57,7 +57,7 @@ pub(super) fn stretch(voxels: &[u8]) -> Cow<'_, [u8]> {
     Cow::Owned(look_up(voxels, &std::array::from_fn(|v| map(v as i32))))
 }
 
-/// `rank` of the voxels given: the middle of a level's places among all, on 0..=255.
+/// `rank` of the given voxels: the mean rank of a level among all voxels, scaled to 0..=255.
 pub(super) fn rank(voxels: &[u8]) -> Vec<u8> {
     let n = voxels.len() as u128;
     let mut below_or_at = 0;
@@ -69,11 +69,11 @@ pub(super) fn rank(voxels: &[u8]) -> Vec<u8> {
     look_up(voxels, &table)
 }
 
-/// The rounded means of blocks of `SIDE` (2 or 4) voxels; what is left over at the far borders is dropped.
+/// The rounded means of blocks of `SIDE` (2 or 4) voxels a side; the remainder at the far borders is dropped.
 pub(super) fn block_average<const SIDE: usize>(shape: Shape, voxels: &[u8]) -> Vec<u8> {
     let [depth, height, width] = shape.map(|length| length / SIDE);
     let mut averages = Vec::with_capacity(depth * height * width);
-    // Columns first (16 values of 255 fit a u16 easily), so that the long loop runs over neighbours.
+    // Columns first (16 values of 255 fit a u16), so that the long loop runs over neighbours in memory.
     let mut columns = vec![0_u16; width * SIDE];
     let volume = SIDE.pow(3) as u16;
     for z in 0..depth {
@@ -133,7 +133,7 @@ impl Contrast {
 
     /// `detail`: 128 + 42 differences in units of their standard deviation, rounded half away from zero, clamped.
     pub(super) fn detail(&self) -> Vec<u8> {
-        /// A power of two above all differences, so that a masked index needs no check.
+        /// A power of two above the range of all differences, so that a masked index needs no bounds check.
         const ENTRIES: usize = 1 << 14;
         let deviation = self.deviation();
         if deviation == 0.0 {
@@ -141,7 +141,7 @@ impl Contrast {
         }
         let low = self.differences.iter().fold(0, |low, &d| d.min(low));
         let high = self.differences.iter().fold(0, |high, &d| d.max(high));
-        // Adding a half and truncating rounds what is positive half away from zero; the rest is clamped to 0 anyway.
+        // Adding a half and truncating rounds positive values half away from zero; negative ones are clamped to 0 anyway.
         let map = |d: i16| ((128.0 + 42.0 * f64::from(d) / deviation + 0.5) as i32).clamp(0, 255) as u8;
         let mut table = [0; ENTRIES];
         table.iter_mut().zip(low..=high).for_each(|(entry, d)| *entry = map(d));

@@ -1,23 +1,4 @@
-//! Views: mapped copies of a volume that are described by the same 251 masks.
-//!
-//! Vocabulary: a *view* is a mapping from a grey volume to a `u8` volume; its *scale* `s` (written `@s`) says that
-//! blocks of `s` x `s` x `s` voxels are averaged first. All mappings are defined in integers (one, `detail@1`, in
-//! exactly rounded `f64`), so that a view has the same bits on every machine. With `//` rounding down, `n` voxels,
-//! histogram `h` and cumulative histogram `C`:
-//!
-//! | view | a voxel becomes |
-//! |---|---|
-//! | `full@1` | itself: the paper's descriptor |
-//! | `stretch@1` | `(510 (v-a) + (b-a)) // (2 (b-a))`, clamped to 0..=255, with `a` the lowest level where `100 C >= n` and `b` the lowest where `100 C >= 99 n`, at least `a + 1` |
-//! | `stretch@2`, `@4` | `(sum + s^3/2) // s^3` over blocks of `stretch@1`, sides cut to a multiple of `s` |
-//! | `sign@1`, `@2`, `@4` | 255 where `d > 0`, else 0; `d` is 27 v minus the sum over the 3x3x3 neighbourhood in `stretch@s`, borders replicated |
-//! | `detail@1` | `round(128 + 42 d / sd)`, half away from zero, clamped; `sd` the standard deviation of the `d` of `stretch@1`; 128 everywhere when `sd = 0` |
-//! | `rank@1`, `@2`, `@4` | `(255 (2 C(v) - h(v)) + n) // (2 n)`, of `full@1` at scale 1, of `stretch@s` else |
-//!
-//! A scale above 1 that leaves fewer than [`MIN_SCALED_SIDE`] voxels on a side is left out: such a volume does not
-//! have that view. Every volume has every view of scale 1.
-//!
-//! Names and codes are stored: they are frozen.
+//! [`View`]: mapped copies of a volume, described by the same 251 masks.
 
 mod maps;
 
@@ -25,18 +6,18 @@ use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
 
-use serde::{Deserialize, Serialize};
-
 use self::maps::Contrast;
-use crate::{OctantSums, VoxelBuf, Voxels, kernel};
+use crate::kernel::{self, Input};
+use crate::{OctantSums, VoxelBuf, Voxels};
 
-/// The shortest side that a block average may leave: four voxels give every octant a window.
+/// The shortest side, in voxels, that a volume may have after block averaging: four, so that every octant has a window.
 pub const MIN_SCALED_SIDE: usize = 4;
 
-/// The side of the blocks that are averaged before a view is mapped.
+/// The side of the blocks that are averaged before a view maps the voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Scale {
-    /// Voxels as they are.
+#[non_exhaustive]
+pub enum ViewScale {
+    /// No averaging.
     One,
     /// Blocks of 2 x 2 x 2.
     Two,
@@ -44,7 +25,7 @@ pub enum Scale {
     Four,
 }
 
-impl Scale {
+impl ViewScale {
     /// All scales, ascending.
     pub const ALL: [Self; 3] = [Self::One, Self::Two, Self::Four];
 
@@ -57,70 +38,90 @@ impl Scale {
         }
     }
 
-    /// The shape that block averages leave of `shape`; `None` where a side would have fewer than
+    /// The shape (Z, Y, X) of the block averages of a volume of `shape`; `None` if a side would have fewer than
     /// [`MIN_SCALED_SIDE`] voxels (never at scale 1).
-    pub fn of(self, shape: [usize; 3]) -> Option<[usize; 3]> {
+    pub fn shape_of(self, shape: [usize; 3]) -> Option<[usize; 3]> {
         let scaled = shape.map(|side| side / self.side());
         (self == Self::One || scaled.iter().all(|&side| side >= MIN_SCALED_SIDE)).then_some(scaled)
     }
 }
 
-/// A mapped copy of a volume. Ordered by [`View::code`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(into = "String", try_from = "String")]
+/// A mapping from a grey volume to another one, which is described by the same 251 masks.
+///
+/// The *scale* `s` of a view (written `@s`) says that blocks of `s` x `s` x `s` voxels are averaged first. All mappings are
+/// defined in integers (`detail@1` in exactly rounded `f64`), so a view has the same bits on every machine. With `//`
+/// rounding down, `n` voxels, histogram `h` and cumulative histogram `C`:
+///
+/// | view | a voxel of level `v` becomes |
+/// |---|---|
+/// | `full@1` | itself: the paper's descriptor |
+/// | `stretch@1` | `(510 (v-a) + (b-a)) // (2 (b-a))`, clamped to 0..=255, with `a` the lowest level where `100 C >= n` and `b` the lowest where `100 C >= 99 n`, at least `a + 1` |
+/// | `stretch@2`, `@4` | `(sum + s^3/2) // s^3` over blocks of `stretch@1`, sides cut to a multiple of `s` |
+/// | `sign@1`, `@2`, `@4` | 255 where `d > 0`, else 0; `d` is `27 v` minus the sum over the 3x3x3 neighbourhood in `stretch@s`, borders replicated |
+/// | `detail@1` | `round(128 + 42 d / sd)`, half away from zero, clamped; `sd` is the standard deviation of the `d` of `stretch@1`; 128 everywhere if `sd = 0` |
+/// | `rank@1`, `@2`, `@4` | `(255 (2 C(v) - h(v)) + n) // (2 n)`, of `full@1` at scale 1, otherwise of `stretch@s` |
+///
+/// A volume has every view of scale 1. It has a view of a larger scale if [`MIN_SCALED_SIDE`] voxels are left on every side.
+///
+/// Views are ordered by [`code`](View::code). Names and codes never change: they may be stored. With the feature `serde` a
+/// view is serialised as its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(into = "String", try_from = "String"))]
+#[non_exhaustive]
 pub enum View {
-    /// The volume as stored.
+    /// The volume itself.
     Full,
     /// Levels stretched between the 1st and 99th percentile.
-    Stretch(Scale),
-    /// Lighter than its neighbourhood, or not: fine grain without contrast.
-    Sign(Scale),
-    /// The difference from the neighbourhood in units of its own deviation.
+    Stretch(ViewScale),
+    /// Whether a voxel is lighter than the mean of its neighbourhood: fine structure without contrast.
+    Sign(ViewScale),
+    /// The difference from the neighbourhood, in units of its standard deviation.
     Detail,
     /// Levels replaced by their rank.
-    Rank(Scale),
+    Rank(ViewScale),
 }
 
 impl View {
     /// All views, by code.
     pub const ALL: [Self; 11] = [
         Self::Full,
-        Self::Stretch(Scale::One),
-        Self::Stretch(Scale::Two),
-        Self::Stretch(Scale::Four),
-        Self::Sign(Scale::One),
-        Self::Sign(Scale::Two),
-        Self::Sign(Scale::Four),
+        Self::Stretch(ViewScale::One),
+        Self::Stretch(ViewScale::Two),
+        Self::Stretch(ViewScale::Four),
+        Self::Sign(ViewScale::One),
+        Self::Sign(ViewScale::Two),
+        Self::Sign(ViewScale::Four),
         Self::Detail,
-        Self::Rank(Scale::One),
-        Self::Rank(Scale::Two),
-        Self::Rank(Scale::Four),
+        Self::Rank(ViewScale::One),
+        Self::Rank(ViewScale::Two),
+        Self::Rank(ViewScale::Four),
     ];
 
-    /// The seven views of the default space, by code.
+    /// The views that together describe how a texture looks, whatever its brightness and contrast, by code.
     pub const LIKENESS: [Self; 7] = [
-        Self::Stretch(Scale::One),
-        Self::Stretch(Scale::Two),
-        Self::Stretch(Scale::Four),
-        Self::Sign(Scale::One),
-        Self::Sign(Scale::Two),
-        Self::Sign(Scale::Four),
+        Self::Stretch(ViewScale::One),
+        Self::Stretch(ViewScale::Two),
+        Self::Stretch(ViewScale::Four),
+        Self::Sign(ViewScale::One),
+        Self::Sign(ViewScale::Two),
+        Self::Sign(ViewScale::Four),
         Self::Detail,
     ];
 
-    /// What a store keeps unless told otherwise: `full@1` and the seven of [`View::LIKENESS`], by code.
-    pub const DEFAULT_STORED: [Self; 8] = [
+    /// `full@1` and the views of [`View::LIKENESS`], by code.
+    pub const STANDARD: [Self; 8] = [
         Self::Full,
-        Self::Stretch(Scale::One),
-        Self::Stretch(Scale::Two),
-        Self::Stretch(Scale::Four),
-        Self::Sign(Scale::One),
-        Self::Sign(Scale::Two),
-        Self::Sign(Scale::Four),
+        Self::Stretch(ViewScale::One),
+        Self::Stretch(ViewScale::Two),
+        Self::Stretch(ViewScale::Four),
+        Self::Sign(ViewScale::One),
+        Self::Sign(ViewScale::Two),
+        Self::Sign(ViewScale::Four),
         Self::Detail,
     ];
 
-    /// The number that stands for the view in files: its place in [`View::ALL`]. Frozen.
+    /// The view's number: its place in [`View::ALL`]. It never changes.
     pub const fn code(self) -> u8 {
         match self {
             Self::Full => 0,
@@ -131,12 +132,12 @@ impl View {
         }
     }
 
-    /// The view of a code; `None` for numbers that stand for none.
+    /// The view of a [`code`](Self::code), if there is one.
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.get(usize::from(code)).copied()
     }
 
-    /// The name, e.g. `stretch@2`. Frozen.
+    /// The name, e.g. `stretch@2`. It never changes.
     pub const fn name(self) -> &'static str {
         const NAMES: [&str; View::ALL.len()] = [
             "full@1",
@@ -155,16 +156,16 @@ impl View {
     }
 
     /// The scale.
-    pub const fn scale(self) -> Scale {
+    pub const fn scale(self) -> ViewScale {
         match self {
-            Self::Full | Self::Detail => Scale::One,
+            Self::Full | Self::Detail => ViewScale::One,
             Self::Stretch(scale) | Self::Sign(scale) | Self::Rank(scale) => scale,
         }
     }
 
-    /// The shape of the view of a volume of `shape`; `None` where the volume is too small for the scale.
+    /// The shape (Z, Y, X) of the view of a volume of `shape`; `None` if the volume is too small for the scale.
     pub fn shape_of(self, shape: [usize; 3]) -> Option<[usize; 3]> {
-        self.scale().of(shape)
+        self.scale().shape_of(shape)
     }
 
     /// The mapped copy of a volume; `None` if the volume is too small for the view's scale.
@@ -186,7 +187,7 @@ impl View {
             Self::Full => volume.as_slice().to_vec(),
             Self::Stretch(scale) => copies.stretch(scale)?.to_vec(),
             Self::Sign(scale) => copies.contrast(scale)?.signs(),
-            Self::Detail => copies.contrast(Scale::One)?.detail(),
+            Self::Detail => copies.contrast(ViewScale::One)?.detail(),
             Self::Rank(scale) => copies.rank(scale)?,
         };
         VoxelBuf::new(voxels, shape).ok()
@@ -199,14 +200,13 @@ impl fmt::Display for View {
     }
 }
 
-/// A name that no view has.
+/// There is no view of this name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "there is no view {found:?}; the views are full@1, stretch@1, @2, @4, sign@1, @2, @4, detail@1, rank@1, @2, @4"
-)]
+#[non_exhaustive]
+#[error("there is no view {name:?}; the views are full@1, stretch@1, @2, @4, sign@1, @2, @4, detail@1, rank@1, @2, @4")]
 pub struct UnknownView {
-    /// What was found.
-    pub found: String,
+    /// The name given.
+    pub name: String,
 }
 
 impl FromStr for View {
@@ -214,7 +214,7 @@ impl FromStr for View {
 
     fn from_str(name: &str) -> Result<Self, UnknownView> {
         let known = Self::ALL.into_iter().find(|view| view.name() == name);
-        known.ok_or_else(|| UnknownView { found: name.to_owned() })
+        known.ok_or_else(|| UnknownView { name: name.to_owned() })
     }
 }
 
@@ -232,19 +232,18 @@ impl TryFrom<String> for View {
     }
 }
 
-/// The octant sums of several views of one volume, in the order asked for. Views that the volume is too small for are
-/// left out.
+/// The octant sums of several views of one volume, in the order given, on the calling thread.
 ///
-/// What views have in common (the stretched volume, its block averages, the differences from the neighbourhood) is
-/// made once. The sums of `full@1` are those of
-/// [`extract`](super::extract).
+/// Views that the volume is too small for are left out. Intermediate volumes that views share (the stretched volume, its
+/// block averages, the differences from the neighbourhood) are computed once. The sums of `full@1` are those of
+/// [`extract`](crate::extract).
 ///
 /// ```
 /// use hlac::{View, Voxels};
 ///
 /// let slice: Vec<u8> = (0..9 * 10 * 11).map(|i| (i * i % 251) as u8).collect();
 /// let voxels = Voxels::new(&slice, [9, 10, 11])?;
-/// let described = hlac::describe(voxels, &View::DEFAULT_STORED);
+/// let described = hlac::describe(voxels, &View::STANDARD);
 /// let views: Vec<&str> = described.iter().map(|(view, _)| view.name()).collect();
 /// assert_eq!(views, ["full@1", "stretch@1", "stretch@2", "sign@1", "sign@2", "detail@1"]);
 /// assert_eq!(described[0].1, hlac::extract(voxels));
@@ -255,7 +254,7 @@ pub fn describe(volume: Voxels<'_>, views: &[View]) -> Vec<(View, OctantSums)> {
     views.iter().filter_map(|&view| Some((view, copies.octants(view)?))).collect()
 }
 
-/// One grey volume and the copies that its views share, each made when first asked for.
+/// A grey volume and the intermediate volumes that its views share, each computed at its first use.
 struct Copies<'a> {
     grey: Voxels<'a>,
     stretch: [Option<Cow<'a, [u8]>>; 3],
@@ -268,47 +267,48 @@ impl<'a> Copies<'a> {
     }
 
     /// The voxels of `stretch@scale`.
-    fn stretch(&mut self, scale: Scale) -> Option<&[u8]> {
+    fn stretch(&mut self, scale: ViewScale) -> Option<&[u8]> {
         let at = scale as usize;
         if self.stretch[at].is_none() {
             let shape = self.grey.shape();
-            scale.of(shape)?;
-            let made = match scale {
-                Scale::One => maps::stretch(self.grey.as_slice()),
-                Scale::Two => Cow::Owned(maps::block_average::<2>(shape, self.stretch(Scale::One)?)),
-                Scale::Four => Cow::Owned(maps::block_average::<4>(shape, self.stretch(Scale::One)?)),
+            scale.shape_of(shape)?;
+            let stretched = match scale {
+                ViewScale::One => maps::stretch(self.grey.as_slice()),
+                ViewScale::Two => Cow::Owned(maps::block_average::<2>(shape, self.stretch(ViewScale::One)?)),
+                ViewScale::Four => Cow::Owned(maps::block_average::<4>(shape, self.stretch(ViewScale::One)?)),
             };
-            self.stretch[at] = Some(made);
+            self.stretch[at] = Some(stretched);
         }
         self.stretch[at].as_deref()
     }
 
     /// The differences from the neighbourhood in `stretch@scale`.
-    fn contrast(&mut self, scale: Scale) -> Option<&Contrast> {
+    fn contrast(&mut self, scale: ViewScale) -> Option<&Contrast> {
         let at = scale as usize;
         if self.contrast[at].is_none() {
-            let shape = scale.of(self.grey.shape())?;
+            let shape = scale.shape_of(self.grey.shape())?;
             self.contrast[at] = Some(Contrast::of(shape, self.stretch(scale)?));
         }
         self.contrast[at].as_ref()
     }
 
     /// The voxels of `rank@scale`.
-    fn rank(&mut self, scale: Scale) -> Option<Vec<u8>> {
+    fn rank(&mut self, scale: ViewScale) -> Option<Vec<u8>> {
         match scale {
-            Scale::One => Some(maps::rank(self.grey.as_slice())),
+            ViewScale::One => Some(maps::rank(self.grey.as_slice())),
             _ => self.stretch(scale).map(maps::rank),
         }
     }
 
     fn octants(&mut self, view: View) -> Option<OctantSums> {
         let shape = view.shape_of(self.grey.shape())?;
+        let sums = |voxels: &[u8]| kernel::sums(&Input::whole(shape, 1, voxels));
         Some(match view {
-            View::Full => kernel::octants(shape, self.grey.as_slice()),
-            View::Sign(scale) => kernel::octants_binary(shape, &self.contrast(scale)?.signs()),
-            View::Stretch(scale) => kernel::octants(shape, self.stretch(scale)?),
-            View::Detail => kernel::octants(shape, &self.contrast(Scale::One)?.detail()),
-            View::Rank(scale) => kernel::octants(shape, &self.rank(scale)?),
+            View::Full => sums(self.grey.as_slice()),
+            View::Sign(scale) => kernel::binary_sums(&Input::whole(shape, 1, &self.contrast(scale)?.signs())),
+            View::Stretch(scale) => sums(self.stretch(scale)?),
+            View::Detail => sums(&self.contrast(ViewScale::One)?.detail()),
+            View::Rank(scale) => sums(&self.rank(scale)?),
         })
     }
 }
