@@ -130,7 +130,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 160, ..ProptestConfig::default() })]
 
     #[test]
-    fn linear_is_kdtree_is_brute_force(
+    fn linear_kdtree_and_brute_force_agree(
         (scene, free) in scene(),
         at_a_row in prop::option::of(0usize..400),
         k in 1usize..80,

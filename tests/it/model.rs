@@ -156,7 +156,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 12, max_shrink_iters: 40, ..ProptestConfig::default() })]
 
     #[test]
-    fn any_history_leaves_what_the_model_has(steps in proptest::collection::vec(step(), 1..40)) {
+    fn random_histories_match_the_model(steps in proptest::collection::vec(step(), 1..40)) {
         let mut run = Run::new();
         for step in &steps {
             run.take(step);
@@ -167,7 +167,7 @@ proptest! {
 
 /// The statistics, spaces and answers of one batch, of single adds, and of single adds in a fresh handle each.
 #[test]
-fn one_by_one_or_all_at_once_gives_the_same_to_the_bit() {
+fn one_by_one_or_all_at_once_gives_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let numbers: Vec<u8> = (0..11).collect();
     let whole = Database::open(folder.path().join("whole")).unwrap();
@@ -191,7 +191,7 @@ fn one_by_one_or_all_at_once_gives_the_same_to_the_bit() {
 
 /// Removing takes a texture out of the statistics without a trace.
 #[test]
-fn what_was_removed_leaves_no_trace_in_the_statistics() {
+fn removing_leaves_no_trace_in_the_statistics() {
     let folder = tempfile::tempdir().unwrap();
     let [plain, visited] = ["plain", "visited"].map(|name| Database::open(folder.path().join(name)).unwrap());
     for n in 0..6 {

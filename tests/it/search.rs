@@ -79,7 +79,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 10, max_shrink_iters: 60, ..ProptestConfig::default() })]
 
     #[test]
-    fn file_scan_tree_and_brute_force_have_one_answer(
+    fn file_scan_tree_and_brute_force_agree(
         first in rows(), second in rows(), removed in prop::collection::btree_set(1u64..200, 0..40),
         from in any::<prop::sample::Index>(), k in 1usize..60,
     ) {

@@ -167,7 +167,7 @@ fn odd_data_stop_a_hop_and_leave_the_store_as_it_was() {
 }
 
 #[test]
-fn newer_foreign_and_held_stores_are_not_migrated() {
+fn newer_foreign_and_locked_stores_are_refused() {
     let scratch = Scratch::new();
     let path = scratch.path();
     let options = MigrateOptions::default();

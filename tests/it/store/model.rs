@@ -288,7 +288,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 24, max_shrink_iters: 200, ..ProptestConfig::default() })]
 
     #[test]
-    fn any_history_ends_as_the_model_says(history in history()) {
+    fn random_histories_match_the_model(history in history()) {
         let scratch = Scratch::new();
         let mut store = scratch.create();
         let mut model = Model { settings: settings(), ..Model::default() };

@@ -11,7 +11,7 @@ use super::{edit, filled, flip, told, volume};
 
 /// Backups while one thread adds and removes: each is whole, of one moment, and a store like any other.
 #[test]
-fn a_backup_of_a_store_in_use_is_of_one_moment() {
+fn a_backup_beside_a_writer_is_one_consistent_state() {
     let folder = tempfile::tempdir().unwrap();
     let database = Database::open(filled(folder.path(), 9, 9)).unwrap();
     let done = AtomicBool::new(false);
@@ -55,7 +55,7 @@ fn a_damaged_store_has_no_backup() {
 
 /// Everything but ids comes back: voxels, colours, names that are no UTF-8, tags, provenance, cuts, moments without voxels.
 #[test]
-fn whole_textures_go_out_and_come_back() {
+fn exported_textures_are_imported_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 6, 9);
     let database = Database::open(&path).unwrap();

@@ -291,7 +291,7 @@ fn sweep(act: Act, fault: Fault, begin: &[u8], stride: u64) -> u64 {
 
 /// Everything that writes, every way of failing. Each n-th operation by default, every one with HLACDB_TRUST=long.
 #[test]
-fn wherever_a_disk_fails_the_state_is_the_one_before_or_the_one_after() {
+fn a_failing_disk_leaves_the_state_before_or_after() {
     let start = start();
     let old = version_0_on(Disk::default(), Disk::bytes);
     let mut total = 0;

@@ -37,7 +37,7 @@ fn look(path: &Path, before: &Told) -> Outcome {
 
 /// Flips random bytes, one at a time, in a store of 100 textures.
 #[test]
-fn a_flipped_byte_is_found_or_harmless() {
+fn a_changed_byte_is_found_or_harmless() {
     let mut next = noise(seed());
     let rounds = if long() { 2000 } else { 40 };
     let folder = tempfile::tempdir().unwrap();
@@ -121,7 +121,7 @@ fn an_overwritten_page_is_found_or_harmless_and_repair_never_panics() {
 
 /// Regression: what the engine said when it stumbled over a page was printed like a crash, before the sentence.
 #[test]
-fn the_program_tells_of_damaged_pages_in_one_sentence() {
+fn the_program_reports_damaged_pages_in_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 20, 9);
     let whole = fs::read(&path).unwrap();
@@ -141,7 +141,7 @@ fn the_program_tells_of_damaged_pages_in_one_sentence() {
 
 /// A file that was cut says so, with its name and what to do, in one sentence, when it is opened.
 #[test]
-fn a_cut_store_says_so_in_one_sentence() {
+fn a_truncated_store_is_refused_in_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 20, 9);
     let whole = fs::read(&path).unwrap();

@@ -143,7 +143,7 @@ fn hostile(folder: &Path) -> usize {
 }
 
 #[test]
-fn forty_hostile_files_end_in_forty_sentences_within_a_gibibyte() {
+fn hostile_files_are_refused_within_a_gibibyte_of_memory() {
     let folder = tempfile::tempdir().unwrap();
     let scans = folder.path().join("scans");
     fs::create_dir(&scans).unwrap();

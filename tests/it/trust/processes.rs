@@ -71,7 +71,7 @@ fn killed(store: &Path, scans: &Path, delay: Duration, from_start: bool) -> BTre
 /// Kills `ingest --stream` at random moments: nothing that was acknowledged is lost, the store is whole, and a re-run
 /// completes the set.
 #[test]
-fn a_killed_ingest_loses_nothing_that_it_acknowledged() {
+fn a_killed_ingest_keeps_every_acknowledged_texture() {
     let mut next = noise(seed());
     let rounds = if long() { 50 } else { 2 };
     let folder = tempfile::tempdir().unwrap();
@@ -120,7 +120,7 @@ fn a_killed_ingest_loses_nothing_that_it_acknowledged() {
 
 /// One process ingests while others query and verify; a second writer is refused, at once, by a sentence that says who.
 #[test]
-fn one_process_writes_while_others_read_and_no_second_one_may_write() {
+fn readers_follow_one_writer_and_a_second_writer_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let until = Instant::now() + Duration::from_secs(if long() { 60 } else { 2 });
     let count = if long() { 4000 } else { 300 };
@@ -181,7 +181,7 @@ fn one_process_writes_while_others_read_and_no_second_one_may_write() {
 
 /// Threads: queries beside ingest, reindex and remove see whole states, as a model of the history has them.
 #[test]
-fn threads_ask_while_one_adds_removes_and_fits() {
+fn queries_see_whole_states_beside_a_writer() {
     let folder = tempfile::tempdir().unwrap();
     let database = Database::open(folder.path().join("t")).unwrap();
     let rounds = if long() { 200 } else { 12 };

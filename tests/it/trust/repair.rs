@@ -30,7 +30,7 @@ fn repair(path: &Path) -> hlacdb::RepairReport {
 
 /// Every change is found, repaired, and leaves what was there before; the damaged file is kept.
 #[test]
-fn what_can_be_derived_comes_back_to_the_bit() {
+fn repair_restores_everything_derivable_to_the_bit() {
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 9, 9);
     // Rows with a tombstone among them are the harder case.
@@ -73,7 +73,7 @@ fn what_can_be_derived_comes_back_to_the_bit() {
 }
 
 #[test]
-fn a_lost_space_is_fitted_anew_on_all_there_is() {
+fn a_lost_space_is_refitted_on_all_textures() {
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 9, 9);
     Database::open(&path).unwrap().reindex(&ReindexOptions::default(), &()).unwrap();
@@ -90,7 +90,7 @@ fn a_lost_space_is_fitted_anew_on_all_there_is() {
 
 /// Regression: with the settings went the views that no texture is large enough for, and with them the meaning of a space.
 #[test]
-fn lost_settings_are_told_by_statistics_and_spaces() {
+fn lost_settings_are_recovered_from_statistics_and_spaces() {
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 20, 9);
     let database = Database::open(&path).unwrap();
@@ -111,7 +111,7 @@ fn lost_settings_are_told_by_statistics_and_spaces() {
 }
 
 #[test]
-fn reindexing_goes_past_damaged_statistics_spaces_and_points() {
+fn reindex_replaces_damaged_statistics_spaces_and_points() {
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 9, 9);
     Database::open(&path).unwrap().reindex(&ReindexOptions::default(), &()).unwrap();
@@ -135,7 +135,7 @@ fn reindexing_goes_past_damaged_statistics_spaces_and_points() {
 
 /// A texture whose record or voxels are lost keeps its id and what is left of it, is named, and hinders nothing.
 #[test]
-fn what_is_lost_is_quarantined_and_the_rest_goes_on() {
+fn damaged_textures_are_quarantined_and_the_rest_works() {
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 9, 9);
     edit(&path, flip(TEXTURES, 2, 500));
