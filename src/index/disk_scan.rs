@@ -142,7 +142,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 100, ..ProptestConfig::default() })]
+        #![proptest_config(hlacdb_testing::cases(100))]
 
         #[test]
         fn a_cold_scan_answers_like_the_index(

@@ -259,7 +259,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 150, ..ProptestConfig::default() })]
+        #![proptest_config(hlacdb_testing::cases(150))]
 
         /// The tree itself, which the doors would not use on so few rows.
         #[test]

@@ -153,7 +153,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
+        #![proptest_config(hlacdb_testing::cases(60))]
 
         #[test]
         fn directions_are_orthonormal_whatever_the_points(

@@ -155,6 +155,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        #![proptest_config(hlacdb_testing::cases(256))]
+
         /// What codes bound is never nearer than they say, whatever was cut.
         #[test]
         fn codes_bound_what_they_stand_for(

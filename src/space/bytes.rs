@@ -193,6 +193,8 @@ mod tests {
     const HEADER: Header = Header { what: "test", magic: *b"test", version: 3 };
 
     proptest! {
+        #![proptest_config(hlacdb_testing::cases(256))]
+
         #[test]
         fn packed_integers_come_back(values in proptest::collection::vec(any::<i128>(), 0..20), shift in 0..128_u32) {
             let values: Vec<i128> = values.iter().map(|value| value >> shift).collect();

@@ -316,7 +316,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 32, ..ProptestConfig::default() })]
+        #![proptest_config(hlacdb_testing::cases(32))]
 
         #[test]
         fn pooling_is_mean_and_deviation_of_the_roots_and_knows_no_direction(moments in moments(), turn in 0..48_usize) {

@@ -205,7 +205,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+        #![proptest_config(hlacdb_testing::cases(24))]
 
         #[test]
         fn distances_are_those_of_the_recipe(

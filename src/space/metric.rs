@@ -115,6 +115,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(hlacdb_testing::cases(256))]
+
         #[test]
         fn distance_is_its_definition_at_every_length(
             pairs in prop::collection::vec((-1e6f32..1e6, -1e6f32..1e6), 0..300)

@@ -127,7 +127,7 @@ fn questions<'a>(
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 160, ..ProptestConfig::default() })]
+    #![proptest_config(hlacdb_testing::cases(160))]
 
     #[test]
     fn linear_kdtree_and_brute_force_agree(

@@ -153,7 +153,7 @@ impl Run {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, max_shrink_iters: 40, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { max_shrink_iters: 40, ..hlacdb_testing::cases(12) })]
 
     #[test]
     fn random_histories_match_the_model(steps in proptest::collection::vec(step(), 1..40)) {

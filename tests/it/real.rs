@@ -3,13 +3,13 @@
 use hlacdb::ingest::{Options, ingest};
 use hlacdb::{Database, Query};
 
-use crate::support::shared;
+use hlacdb_testing::data;
 
 /// The paper's promise on real scans: a block finds blocks of the same source.
 #[test]
 fn blocks_of_a_source_find_blocks_of_the_same_source() {
     let sources = ["ketton_microct.tif", "iguana_ct.nii.gz", "head_mr_gd.nii.gz"];
-    let Some(paths) = sources.iter().map(|name| shared(name)).collect::<Option<Vec<_>>>() else { return };
+    let Some(paths) = sources.iter().map(|name| data(name)).collect::<Option<Vec<_>>>() else { return };
     let folder = tempfile::tempdir().unwrap();
     let database = Database::open(folder.path().join("real.hlacdb")).unwrap();
     for (name, path) in sources.iter().zip(&paths) {

@@ -76,7 +76,7 @@ fn rows() -> impl Strategy<Value = Vec<(u8, u8)>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 10, max_shrink_iters: 60, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { max_shrink_iters: 60, ..hlacdb_testing::cases(10) })]
 
     #[test]
     fn file_scan_tree_and_brute_force_agree(

@@ -7,7 +7,7 @@ use hlacdb::space::{Contribution, Definition, FeatureSet, Features, Prior, Space
 use hlacdb::synth::{self, Nuisance};
 use hlacdb::volume::Volume;
 
-use crate::support::shared;
+use hlacdb_testing::data;
 
 fn features(recipe: &FeatureSet, volume: &Volume) -> Features {
     let described = hlacdb::describe(volume, recipe.views());
@@ -77,7 +77,7 @@ fn small_textures_have_points_too() {
 
 #[test]
 fn real_moments_have_the_statistics_of_the_textbook() {
-    let Some(path) = shared("moments_20k.npy") else { return };
+    let Some(path) = data("moments_20k.npy") else { return };
     let array = npyz::NpyFile::new(File::open(path).unwrap()).unwrap();
     let rows: Vec<f32> = array.data::<f32>().unwrap().take(1500 * MASK_COUNT).map(Result::unwrap).collect();
     let (rows, _) = rows.as_chunks::<MASK_COUNT>();

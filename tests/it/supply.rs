@@ -40,8 +40,7 @@ fn every_package_has_an_allowed_licence_and_source() {
         .current_dir(folder)
         .output();
     let Some(told) = told.ok().filter(|told| told.status.success()) else {
-        eprintln!("skipped: cargo tells nothing of the packages here");
-        return;
+        return hlacdb_testing::skip("cargo metadata fails here");
     };
     let told: serde_json::Value = serde_json::from_slice(&told.stdout).unwrap();
     let packages = told["packages"].as_array().unwrap();

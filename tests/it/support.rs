@@ -1,18 +1,8 @@
-//! Shared helpers: where the optional real files are, and small textures.
+//! Small textures, and files of them.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use hlacdb::volume::Volume;
-
-/// A file of the folder of real volumes and reference figures, `None` (and a word on stderr) where it is absent.
-pub(crate) fn shared(name: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("skipped: no shared data ({name})");
-    None
-}
 
 /// A cube of slanting stripes; `step` says how they slant.
 pub(crate) fn stripes(side: usize, step: usize) -> Volume {

@@ -1,7 +1,6 @@
 //! A store that can be trusted: damage, repair, crashes, several processes, copies, hostile files.
 //!
-//! What takes long is short by default; `HLACDB_TRUST=long` runs all of it. What is drawn at random prints its seed, and
-//! `HLACDB_SEED=N` draws the same again.
+//! What takes long is short by default; `HLACDB_TRUST=long` runs all of it.
 
 mod copies;
 mod faults;
@@ -21,16 +20,6 @@ use redb::{Builder, ConcurrencyMode, Key, ReadableTable, TableDefinition, Value,
 /// Whether everything is asked for.
 pub(crate) fn long() -> bool {
     std::env::var_os("HLACDB_TRUST").is_some_and(|value| value == "long")
-}
-
-/// The seed of this run, printed so that it can be had again.
-pub(crate) fn seed() -> u64 {
-    let given = std::env::var("HLACDB_SEED").ok().map(|seed| seed.parse().unwrap());
-    let seed = given.unwrap_or_else(|| {
-        std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_nanos() as u64 % 1_000_000_007
-    });
-    eprintln!("HLACDB_SEED={seed} draws this again");
-    seed
 }
 
 /// A small volume, different for every number.

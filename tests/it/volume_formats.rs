@@ -7,7 +7,7 @@ use hlacdb::volume::{
     self, Endian, FileKind, Intensity, RawLayout, ReadOptions, SampleType, Source, Volume, VolumeError,
 };
 
-use crate::support::shared;
+use hlacdb_testing::data;
 
 fn fixtures() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("crates/volume/tests/fixtures/volumes")
@@ -132,7 +132,7 @@ fn real_volumes_are_what_other_readers_and_numpy_make_of_them() {
         ("sandstone_generated_f32.npy", [64; 3], SampleType::F32, 1_120_010_355_062, 1_145_672_298_455),
         ("blue_noise_64_u32.raw", [64; 3], SampleType::U32, 1_094_317_223_218, 1_094_309_038_951),
     ] {
-        let Some(path) = shared(name) else { continue };
+        let Some(path) = data(name) else { continue };
         for (intensity, expected) in [(Intensity::Full, full), (Intensity::Auto, auto)] {
             let options = ReadOptions { intensity, raw: Some(raw), ..ReadOptions::default() };
             let (volume, source) = read(&path, &options);

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use hlacdb::volume::{self, FileKind, Intensity, ReadOptions, SampleType, Source, Volume, discover};
 
-use crate::support::shared;
+use hlacdb_testing::data;
 
 /// A fixture; all are written by `make.py` beside them.
 fn fixture(name: &str) -> PathBuf {
@@ -271,7 +271,7 @@ fn links_are_followed_and_loops_reported_once() {
 
 #[test]
 fn the_ketton_scan_is_read() {
-    let Some(path) = shared("ketton_microct.tif") else { return };
+    let Some(path) = data("ketton_microct.tif") else { return };
     let (volume, source) = volume::read(&path, &ReadOptions::default()).unwrap();
     assert_eq!((volume.shape(), volume.channels(), source.kind), ([256, 256, 256], 1, FileKind::Tiff));
     assert!(volume.voxels().iter().all(|&voxel| voxel == 0 || voxel == 255));
@@ -281,7 +281,7 @@ fn the_ketton_scan_is_read() {
 
 #[test]
 fn the_saucer_is_read_in_colour() {
-    let Some(path) = shared("saucer.vox") else { return };
+    let Some(path) = data("saucer.vox") else { return };
     let (volume, source) = volume::read(&path, &ReadOptions::default()).unwrap();
     assert_eq!((volume.channels(), source.kind, source.mapping), (3, FileKind::Vox, None));
     let filled = volume.voxels().as_chunks::<3>().0.iter().filter(|&&colour| colour != [0; 3]).count();
@@ -302,7 +302,7 @@ fn all_files() -> Vec<PathBuf> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(hlacdb_testing::cases(400))]
 
     /// Any damage gives a volume or a sentence: a file by itself, a picture as one of three slices.
     #[test]

@@ -287,7 +287,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
+        #![proptest_config(hlacdb_testing::cases(48))]
 
         #[test]
         fn eigenvectors_rebuild_the_matrix(

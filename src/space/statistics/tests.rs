@@ -38,7 +38,7 @@ fn feature_sets() -> impl Strategy<Value = FeatureSet> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(hlacdb_testing::cases(12))]
 
     #[test]
     fn order_merging_and_removal_leave_no_trace(

@@ -285,7 +285,7 @@ impl Model {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, max_shrink_iters: 200, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { max_shrink_iters: 200, ..hlacdb_testing::cases(24) })]
 
     #[test]
     fn random_histories_match_the_model(history in history()) {

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use hlacdb::{Database, OpenOptions as Open};
 
-use super::{Told, filled, long, seed, told};
+use super::{Told, filled, long, told};
 use crate::store::noise;
 
 /// What one change of the file did.
@@ -38,7 +38,7 @@ fn look(path: &Path, before: &Told) -> Outcome {
 /// Flips random bytes, one at a time, in a store of 100 textures.
 #[test]
 fn a_changed_byte_is_found_or_harmless() {
-    let mut next = noise(seed());
+    let mut next = noise(hlacdb_testing::seed());
     let rounds = if long() { 2000 } else { 40 };
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), if long() { 100 } else { 30 }, 9);
@@ -67,7 +67,7 @@ fn a_changed_byte_is_found_or_harmless() {
 /// Pages that hold what another page held, zeros, or noise; and a repair after each where the file can be read at all.
 #[test]
 fn an_overwritten_page_is_found_or_harmless_and_repair_never_panics() {
-    let mut next = noise(seed());
+    let mut next = noise(hlacdb_testing::seed());
     let rounds = if long() { 300 } else { 9 };
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 20, 9);

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use hlacdb::{Database, Meta, Query, ReindexOptions};
 use serde_json::Value;
 
-use super::{long, seed, volume};
+use super::{long, volume};
 use crate::store::noise;
 use crate::support::write_npy;
 
@@ -72,7 +72,7 @@ fn killed(store: &Path, scans: &Path, delay: Duration, from_start: bool) -> BTre
 /// completes the set.
 #[test]
 fn a_killed_ingest_keeps_every_acknowledged_texture() {
-    let mut next = noise(seed());
+    let mut next = noise(hlacdb_testing::seed());
     let rounds = if long() { 50 } else { 2 };
     let folder = tempfile::tempdir().unwrap();
     let count = 120;

@@ -1,7 +1,6 @@
 //! The views against a plain implementation of their definitions, voxel by voxel.
 
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
 use super::*;
 use crate::kernels::Kernel;
@@ -120,14 +119,8 @@ fn volumes(largest: Shape) -> impl Strategy<Value = VoxelBuf> {
     })
 }
 
-/// A fixed seed; the environment variable `HLACDB_SEED` sets another one.
-fn config() -> ProptestConfig {
-    let seed = std::env::var("HLACDB_SEED").map_or(251, |seed| seed.parse().unwrap());
-    ProptestConfig { cases: 48, rng_seed: RngSeed::Fixed(seed), ..ProptestConfig::default() }
-}
-
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(hlacdb_testing::cases(48))]
 
     #[test]
     fn views_follow_their_definitions(volume in volumes([14, 13, 18])) {

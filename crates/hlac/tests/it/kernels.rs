@@ -7,7 +7,7 @@ use hlac::MASKS;
 use hlac::kernels::{self, Kernel};
 use proptest::prelude::*;
 
-use crate::support::{Content, assert_equal, config, content, shape, volume};
+use crate::support::{Content, assert_equal, content, shape, volume};
 
 /// The kernels under test. Those that cannot run here are reported by name.
 fn tested() -> impl Iterator<Item = Kernel> {
@@ -23,7 +23,7 @@ fn tested() -> impl Iterator<Item = Kernel> {
 }
 
 proptest! {
-    #![proptest_config(config(40))]
+    #![proptest_config(hlacdb_testing::cases(40))]
 
     #[test]
     fn every_kernel_equals_the_reference(shape in shape(3, 12_000), content in content(), seed: u64) {

@@ -3,7 +3,7 @@
 use hlac::{ExtractError, Extraction, MASKS, MaskSpacing, SlabExtractor, Voxels};
 use proptest::prelude::*;
 
-use crate::support::{Content, config, content, shape, volume};
+use crate::support::{Content, content, shape, volume};
 
 /// The definition itself, with spacing and a region: for each octant, the windows and the sum of each mask. Without a region
 /// every voxel is inside.
@@ -33,7 +33,7 @@ fn by_definition(volume: Voxels<'_>, spacing: usize, region: Option<Voxels<'_>>)
 }
 
 proptest! {
-    #![proptest_config(config(40))]
+    #![proptest_config(hlacdb_testing::cases(40))]
 
     #[test]
     fn spacing_and_regions_equal_the_definition(

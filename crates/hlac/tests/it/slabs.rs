@@ -3,7 +3,7 @@
 use hlac::{ExtractError, Extraction, MaskSpacing, RegionSlabExtractor, SlabExtractor};
 use proptest::prelude::*;
 
-use crate::support::{Content, assert_equal, config, content, shape, volume};
+use crate::support::{Content, assert_equal, content, shape, volume};
 
 /// Cuts planes into slabs whose thickness cycles through `cuts`.
 fn slabs<'a>(voxels: &'a [u8], plane: usize, cuts: &'a [usize]) -> impl Iterator<Item = &'a [u8]> {
@@ -17,7 +17,7 @@ fn slabs<'a>(voxels: &'a [u8], plane: usize, cuts: &'a [usize]) -> impl Iterator
 }
 
 proptest! {
-    #![proptest_config(config(40))]
+    #![proptest_config(hlacdb_testing::cases(40))]
 
     #[test]
     fn slabs_equal_the_whole(

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use hlac::{MASKS, OctantSums, VoxelBuf};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use serde_json::Value;
 
 /// A file of `tests/fixtures`.
@@ -33,12 +32,6 @@ pub(crate) fn npy(name: &str) -> VoxelBuf {
 /// The integers of a JSON array.
 pub(crate) fn integers(value: &Value) -> Vec<u64> {
     value.as_array().unwrap().iter().map(|number| number.as_u64().unwrap()).collect()
-}
-
-/// A configuration with a fixed seed; the environment variable `HLACDB_SEED` sets another one.
-pub(crate) fn config(cases: u32) -> ProptestConfig {
-    let seed = std::env::var("HLACDB_SEED").map_or(251, |seed| seed.parse().unwrap());
-    ProptestConfig { cases, rng_seed: RngSeed::Fixed(seed), ..ProptestConfig::default() }
 }
 
 /// What the voxels of a generated volume are like.
