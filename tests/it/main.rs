@@ -3,15 +3,19 @@
 // A test says what it expects by unwrapping it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod api;
+mod house;
 mod index;
 mod model;
 mod own_spaces;
+mod pages;
 mod program;
 mod real;
 mod search;
 #[cfg(feature = "serve")]
 mod serve;
 mod slabs;
+mod source;
 mod space;
 mod store;
 mod supply;
