@@ -41,7 +41,7 @@ mod fit;
 mod fitted;
 #[cfg(test)]
 mod fixtures;
-mod linalg;
+pub(crate) mod linalg;
 mod metric;
 pub mod prior;
 mod roots;

@@ -300,7 +300,8 @@ impl Observations {
         let scale: Vec<f64> = (0..dims).map(|at| inverse_deviation(between[(at, at)])).collect();
         let within = self.pooled.within().unwrap_or(Matrix::zero(dims, dims));
         for covariance in [between, within, self.nuisance.covariance()] {
-            let root = root(Matrix::from_fn(dims, dims, |i, j| covariance[(i, j)] * scale[i] * scale[j]));
+            let scaled = Matrix::from_fn(dims, dims, |i, j| covariance[(i, j)] * scale[i] * scale[j]);
+            let root = Eigen::of(scaled).square_root();
             let triangle: Vec<f64> = (0..dims).flat_map(|i| root.row(i)[i..].iter().copied()).collect();
             write_steps(&mut writer, &triangle);
         }
@@ -345,14 +346,6 @@ fn steps(reader: &mut Reader<'_>, length: usize) -> Result<Vec<f64>, SpaceError>
     } else {
         Err(reader.damaged("a number in it is not finite"))
     }
-}
-
-/// The symmetric root of a covariance; what rounding made negative counts as 0.
-fn root(covariance: Matrix) -> Matrix {
-    let Eigen { values, vectors } = Eigen::of(covariance);
-    let size = values.len();
-    let scaled = Matrix::from_fn(size, size, |i, j| vectors[(i, j)] * values[i].max(0.0).sqrt());
-    vectors.transposed().times(&scaled)
 }
 
 #[cfg(test)]

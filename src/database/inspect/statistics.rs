@@ -11,6 +11,7 @@ use crate::database::quarantine::{self, Quarantined};
 use crate::database::scheme::{DEFAULT_SPACE, Scheme};
 use crate::error::Error;
 use crate::hlac::MASK_COUNT;
+use crate::space::linalg::orthogonal_iteration;
 use crate::space::{FeatureSet, Space};
 use crate::store::{Reads, StoreError, ViewCode, Volumes};
 
@@ -210,25 +211,18 @@ fn moment_statistics(state: &impl Reads) -> Result<MomentStatistics, Error> {
     })
 }
 
-/// The largest eigenvalue of the correlation matrix, over its trace, by power iteration.
+/// The largest eigenvalue of the correlation matrix, divided by its trace.
 fn leading_share(covariance: &[f64], std: &[f64]) -> f64 {
+    const ROUNDS: usize = 64;
     let scale: Vec<f64> = std.iter().map(|&sd| if sd > 0.0 { 1.0 / sd } else { 0.0 }).collect();
     let varying = scale.iter().filter(|&&scale| scale > 0.0).count();
-    let mut vector = vec![1.0; std.len()];
-    let mut value = 0.0;
-    for _ in 0..64 {
-        let product: Vec<f64> = covariance
-            .chunks_exact(MASK_COUNT)
-            .zip(&scale)
-            .map(|(row, sd)| sd * row.iter().zip(&scale).zip(&vector).map(|((c, s), v)| c * s * v).sum::<f64>())
-            .collect();
-        value = product.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if value == 0.0 {
-            return 0.0;
-        }
-        vector = product.into_iter().map(|x| x / value).collect();
-    }
-    value / varying.max(1) as f64
+    let correlations = |vector: &[f64]| {
+        let rows = covariance.chunks_exact(MASK_COUNT).zip(&scale);
+        rows.map(|(row, sd)| sd * row.iter().zip(&scale).zip(vector).map(|((c, s), v)| c * s * v).sum::<f64>())
+            .collect()
+    };
+    let found = orthogonal_iteration(vec![vec![1.0; std.len()]], ROUNDS, correlations, &[]);
+    found.first().map_or(0.0, |leading| leading.eigenvalue) / varying.max(1) as f64
 }
 
 impl SpaceReport {
@@ -252,5 +246,22 @@ impl SpaceReport {
                 .collect(),
             drift: None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bits_of_the_leading_share_are_frozen() {
+        let covariance =
+            |i: usize, j: usize| if i == j { 2.0 + i as f64 / 100.0 } else { 1.0 / (1 + i.abs_diff(j)) as f64 };
+        let matrix: Vec<f64> =
+            (0..MASK_COUNT * MASK_COUNT).map(|at| covariance(at / MASK_COUNT, at % MASK_COUNT)).collect();
+        let mut std: Vec<f64> = (0..MASK_COUNT).map(|at| covariance(at, at).sqrt()).collect();
+        std[7] = 0.0;
+        assert_eq!(leading_share(&matrix, &std).to_bits(), 4_580_165_355_024_826_495);
+        assert_eq!(leading_share(&matrix, &[0.0; MASK_COUNT]), 0.0);
     }
 }

@@ -111,3 +111,8 @@ fn the_shipped_bytes_are_known() {
         (vec![1_036_678_897, 1_049_393_595, 1_033_891_628, 3_171_927_937], 14_612_867_029_250_138_542)
     );
 }
+
+#[test]
+fn the_bits_of_a_new_prior_are_frozen() {
+    assert_eq!(xxhash_rust::xxh3::xxh3_64(&observations().encode()), 10_155_214_332_744_276_875);
+}
