@@ -5,8 +5,8 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use hlacdb::hlac::{MASK_COUNT, OctantSums, View, kernels};
-use hlacdb::space::{Contribution, Definition, FeatureSet, Prior, Space, Statistics};
+use hlacdb::hlac::{OctantSums, View, kernels};
+use hlacdb::space::{Contribution, Definition, Descriptor, FeatureSet, Prior, Space, Statistics};
 use hlacdb::synth;
 use hlacdb::volume::Volume;
 
@@ -40,12 +40,12 @@ fn describing(criterion: &mut Criterion) {
 fn counting(criterion: &mut Criterion) {
     let described = described();
     for recipe in [FeatureSet::plain(), FeatureSet::oriented(), FeatureSet::pooled()] {
-        let contribution = Contribution::of_sums(&recipe, &described).ok().flatten();
+        let contribution = Contribution::from_sums(&recipe, &described).ok().flatten();
         let Some(contribution) = contribution else { continue };
         let mut statistics = Statistics::new(&recipe);
         let mut group = criterion.benchmark_group(format!("count {recipe}"));
         group.bench_function("features", |bencher| {
-            bencher.iter(|| Contribution::of_sums(&recipe, black_box(&described)))
+            bencher.iter(|| Contribution::from_sums(&recipe, black_box(&described)))
         });
         group.bench_function("add", |bencher| bencher.iter(|| statistics.add(black_box(&contribution))));
         group.bench_function("encode", |bencher| bencher.iter(|| black_box(&statistics).encode()));
@@ -63,7 +63,7 @@ fn fitting(criterion: &mut Criterion) {
     for name in ["oriented", "default"] {
         let Some(definition) = Definition::built_in(name) else { continue };
         let mut statistics = Statistics::new(&definition.feature_set);
-        if let Ok(Some(contribution)) = Contribution::of_sums(&definition.feature_set, &described) {
+        if let Ok(Some(contribution)) = Contribution::from_sums(&definition.feature_set, &described) {
             assert!(statistics.add(&contribution).is_ok());
         }
         let prior = Prior::shipped();
@@ -77,17 +77,15 @@ fn fitting(criterion: &mut Criterion) {
 fn mapping(criterion: &mut Criterion) {
     const ROWS: usize = 1000;
     let described = described();
-    let descriptors: Vec<(View, [f32; MASK_COUNT])> =
-        described.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect();
-    let moments =
-        |_: usize, view: View| descriptors.iter().find(|(other, _)| *other == view).map(|(_, moments)| moments);
+    let Ok(descriptor) = Descriptor::from_sums(&described) else { return };
+    let descriptors = vec![descriptor; ROWS];
     let mut group = criterion.benchmark_group("map 1000 descriptors");
     for name in Definition::BUILT_IN {
         let Some(definition) = Definition::built_in(name) else { continue };
         let statistics = Statistics::new(&definition.feature_set);
         let Ok(space) = Space::fit(&definition, &statistics, None, &Prior::shipped()) else { continue };
-        assert_eq!(space.points(ROWS, moments).map(|points| points.len()), Ok(ROWS * space.dims()));
-        group.bench_function(name, |bencher| bencher.iter(|| space.points(black_box(ROWS), moments)));
+        assert_eq!(space.points(&descriptors).len(), ROWS * space.dims());
+        group.bench_function(name, |bencher| bencher.iter(|| space.points(black_box(&descriptors))));
     }
     group.finish();
 }

@@ -11,7 +11,7 @@ use std::fs::File;
 use std::path::Path;
 
 use hlacdb::hlac::{MASK_COUNT, OctantSums, View};
-use hlacdb::space::{self, Contribution, Definition, Prior, Space, Statistics};
+use hlacdb::space::{self, Contribution, Definition, Descriptor, Prior, Space, Statistics};
 use hlacdb::synth::families::FAMILIES;
 use hlacdb::synth::{Nuisance, Recipe};
 use npyz::WriterBuilder;
@@ -44,19 +44,15 @@ fn main() -> Result<(), Failure> {
     let mut statistics = Statistics::new(&definition.feature_set);
     let mut nuisance = space::NuisanceStatistics::new(&definition.feature_set);
     for (texture, copy) in &described {
-        let [texture, copy] = [texture, copy].map(|d| Contribution::of_sums(&definition.feature_set, d));
+        let [texture, copy] = [texture, copy].map(|d| Contribution::from_sums(&definition.feature_set, d));
         let (Some(texture), Some(copy)) = (texture?, copy?) else { return Err("a texture lacks a view".into()) };
         statistics.add(&texture)?;
         nuisance.add(&texture, &copy)?;
     }
     let nothing = Statistics::new(&definition.feature_set);
     let points = |space: Space| -> Result<Vec<f32>, Failure> {
-        let descriptors: Vec<Vec<_>> = described
-            .iter()
-            .map(|(d, _)| d.iter().map(|(v, sums)| (*v, sums.total().descriptor())).collect())
-            .collect();
-        let moments = |row: usize, view: View| descriptors[row].iter().find(|(v, _)| *v == view).map(|(_, m)| m);
-        Ok(space.points(descriptors.len(), moments)?)
+        let descriptors = described.iter().map(|(texture, _)| Descriptor::from_sums(texture));
+        Ok(space.points(&descriptors.collect::<Result<Vec<_>, _>>()?))
     };
     let shape = |inner: &[usize]| [&[described.len()], inner].concat();
     let prior = Prior::shipped();

@@ -10,9 +10,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 
-use hlacdb::hlac::{MASK_COUNT, View};
+use hlacdb::hlac::View;
 use hlacdb::space::prior::{self, Observations};
-use hlacdb::space::{Contribution, Definition, Features, Metric, Prior, Space, SpaceKind, Statistics};
+use hlacdb::space::{Contribution, Definition, Descriptor, Features, Prior, Space, SpaceKind, Statistics};
 use hlacdb::synth::{Nuisance, Recipe, Specimen};
 use rayon::prelude::*;
 
@@ -25,7 +25,7 @@ const COPIES: u64 = 2;
 struct Texture {
     label: String,
     family: String,
-    moments: BTreeMap<View, [f32; MASK_COUNT]>,
+    descriptor: Descriptor,
     contributions: Vec<Contribution>,
 }
 
@@ -135,12 +135,12 @@ fn textures(specimens: &[Specimen], label: &str) -> Result<Vec<Texture>, Failure
             .filter_map(|name| Definition::built_in(name))
             .map(|definition| (definition.feature_set.key(), definition.feature_set))
             .collect();
-        let contributions = recipes.values().filter_map(|r| Contribution::of_sums(r, &described).transpose());
+        let contributions = recipes.values().filter_map(|r| Contribution::from_sums(r, &described).transpose());
         Ok(Texture {
             label: specimen.tags.get(label).cloned().unwrap_or_default(),
             family: specimen.tags.get("family").cloned().unwrap_or_default(),
             contributions: contributions.collect::<Result<_, _>>()?,
-            moments: described.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect(),
+            descriptor: Descriptor::from_sums(&described)?,
         })
     };
     specimens.par_iter().map(describe).collect()
@@ -179,13 +179,10 @@ fn scores(
     let stored = contributions(store);
     let mut whole = Statistics::new(&definition.feature_set);
     stored.iter().try_for_each(|texture| whole.add(texture))?;
-    let features = |textures: &[Texture]| -> Result<Vec<Features>, Failure> {
-        Ok(textures
-            .iter()
-            .map(|texture| definition.feature_set.features(|view| texture.moments.get(&view)))
-            .collect::<Result<_, _>>()?)
+    let features = |textures: &[Texture]| -> Vec<Features> {
+        textures.iter().map(|texture| definition.feature_set.features(&texture.descriptor)).collect()
     };
-    let (query_features, store_features) = (features(queries)?, features(store)?);
+    let (query_features, store_features) = (features(queries), features(store));
     // The paper's experiment has two classes: to leave one out is to leave half the store out.
     let labels: BTreeSet<&str> = queries.iter().map(|texture| texture.label.as_str()).collect();
     let left_out = |label: &str| -> Result<Statistics, Failure> {
@@ -205,7 +202,7 @@ fn scores(
         for (at, query) in queries.iter().enumerate().filter(|(_, query)| query.label == label) {
             let mut hits: Vec<(f64, bool)> = Vec::new();
             for (other, texture) in store.iter().enumerate().filter(|(other, _)| *other != at) {
-                let distance = distance(space.metric(), &query_points[at], &store_points[other]);
+                let distance = space.metric().distance(&query_points[at], &store_points[other]);
                 hits.push((distance, texture.label == query.label));
             }
             hits.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -252,14 +249,5 @@ impl Scores {
         self.first += precision(1);
         self.thirty += precision(30);
         self.queries += 1.0;
-    }
-}
-
-fn distance(metric: Metric, a: &[f32], b: &[f32]) -> f64 {
-    let difference = |(a, b): (&f32, &f32)| f64::from(*a) - f64::from(*b);
-    let pairs = a.iter().zip(b);
-    match metric {
-        Metric::L1 => pairs.map(|pair| difference(pair).abs()).sum(),
-        Metric::L2 => pairs.map(|pair| difference(pair).powi(2)).sum::<f64>().sqrt(),
     }
 }

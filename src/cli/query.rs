@@ -4,8 +4,10 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
+use hlacdb::hlac::View;
 use hlacdb::index::Method;
 use hlacdb::render::sheet;
+use hlacdb::space::Descriptor;
 use hlacdb::volume::{self, Volume};
 use hlacdb::{Answer, Combine, Database, Query as Question, arrays};
 
@@ -81,8 +83,10 @@ impl Query {
         let database = context.open_to_read()?;
         if let Some(path) = &self.moments {
             let rows = arrays::read_moments(path)?;
-            let one = |row| self.refine(Question::moments(vec![(hlacdb::hlac::View::Full, row)]));
-            let answers = database.query_all(&rows.into_iter().map(one).collect::<Vec<_>>())?;
+            let descriptors = rows.into_iter().map(|row| Descriptor::from_moments([(View::Full, row)]));
+            let descriptors = descriptors.collect::<Result<Vec<_>, _>>().map_err(hlacdb::Error::from)?;
+            let queries = descriptors.into_iter().map(|one| self.refine(Question::descriptor(one)));
+            let answers = database.query_all(&queries.collect::<Vec<_>>())?;
             return print_all(context, &answers, |row| format!("row {row}"));
         }
         if self.files.len() > 1 {

@@ -39,13 +39,13 @@ impl Show {
         let path_shown = texture.path.as_deref().map(display_path);
         if context.json {
             let sums = database.sums(self.id)?;
-            let moments = database.moments(self.id)?;
+            let descriptor = database.descriptor(self.id)?;
             let document = Document {
                 texture,
                 path_shown,
                 windows: sums.as_ref().map(|sums| sums.windows),
                 sums: sums.map(|sums| sums.values.to_vec()),
-                moments: moments.into_iter().map(|(view, row)| (view.name().to_string(), row.to_vec())).collect(),
+                moments: descriptor.iter().map(|(view, row)| (view.name().to_string(), row.to_vec())).collect(),
             };
             context.print_json(&document)?;
             return Ok(Outcome::Done);

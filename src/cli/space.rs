@@ -191,8 +191,6 @@ impl Add {
             What::Intersection => SpaceKind::Intersection,
             What::Zscore | What::Likeness => SpaceKind::ZScore,
         };
-        let definition = Definition { name: self.name.clone(), feature_set: FeatureSet::new(form, &views)?, kind };
-        definition.check()?;
-        Ok(definition)
+        Ok(Definition::new(&self.name, FeatureSet::new(form, &views)?, kind)?)
     }
 }

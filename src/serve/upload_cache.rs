@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::hash::{BuildHasher, RandomState};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::hlac::{MASK_COUNT, View};
+use crate::space::Descriptor;
 use crate::volume::Volume;
 
 /// So many are kept, ...
@@ -19,8 +19,8 @@ pub(crate) struct Upload {
     pub(crate) name: String,
     pub(crate) volume: Arc<Volume>,
     pub(crate) content: [u8; 32],
-    /// Its moments in the views of the store.
-    pub(crate) moments: Vec<(View, [f32; MASK_COUNT])>,
+    /// Its descriptor in the views of the store.
+    pub(crate) descriptor: Descriptor,
 }
 
 /// The volumes that were asked with last.
@@ -29,10 +29,10 @@ pub(crate) struct Uploads(Mutex<VecDeque<Arc<Upload>>>);
 
 impl Uploads {
     /// Keeps an upload; older ones make room for it.
-    pub(crate) fn keep(&self, name: String, volume: Volume, moments: Vec<(View, [f32; MASK_COUNT])>) -> Arc<Upload> {
+    pub(crate) fn keep(&self, name: String, volume: Volume, descriptor: Descriptor) -> Arc<Upload> {
         let content = volume.content_hash();
         let token = format!("{:016x}{:016x}", RandomState::new().hash_one(content), RandomState::new().hash_one(&name));
-        let upload = Arc::new(Upload { token, name, volume: Arc::new(volume), content, moments });
+        let upload = Arc::new(Upload { token, name, volume: Arc::new(volume), content, descriptor });
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         kept.push_front(Arc::clone(&upload));
         kept.truncate(MOST);
@@ -62,14 +62,14 @@ mod tests {
     fn the_last_few_are_kept() {
         let uploads = Uploads::default();
         let volume = |level| Volume::new([8; 3], 1, vec![level; 512]).unwrap();
-        let first = uploads.keep("first".into(), volume(0), Vec::new());
-        let second = uploads.keep("second".into(), volume(1), Vec::new());
+        let first = uploads.keep("first".into(), volume(0), Descriptor::default());
+        let second = uploads.keep("second".into(), volume(1), Descriptor::default());
         assert_ne!(first.token, second.token);
         for level in 2..MOST as u8 {
-            uploads.keep("more".into(), volume(level), Vec::new());
+            uploads.keep("more".into(), volume(level), Descriptor::default());
         }
         assert!(uploads.get(&first.token).is_some());
-        uploads.keep("one too many".into(), volume(99), Vec::new());
+        uploads.keep("one too many".into(), volume(99), Descriptor::default());
         assert!(uploads.get(&first.token).is_some() && uploads.get(&second.token).is_none());
     }
 }

@@ -1,4 +1,4 @@
-//! Definitions: what a space is to be, before it is fitted.
+//! [`Definition`]: the name, features and kind of a space, before it is fitted.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,50 +6,68 @@ use super::Metric;
 use super::{FeatureForm, FeatureSet, SpaceError};
 use crate::hlac::View;
 
-/// The most coordinates that a likeness space can have: as many directions as its fit keeps.
+/// The largest number of dimensions of a likeness space: the number of directions that its fit keeps.
 pub const MAX_DIMS: usize = 128;
 
-/// What a space makes of features.
+/// How a space maps features to points.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum SpaceKind {
-    /// The paper's histogram: sums per window, `moment * 255^cells`; L1. Of degree roots or pools: themselves.
+    /// The paper's histogram: the sums per window, `moment * 255^cells`; L1. Other features than moments are taken as
+    /// they are.
     Histogram,
-    /// The same histogram divided by twice its total; L1. The distance is then `1 - sum of min(a, b)` of the two
-    /// histograms of total 1: histogram intersection.
+    /// The same histogram divided by twice its total; L1. The distance is then 1 minus the histogram intersection,
+    /// `sum of min(a, b)`, of the two histograms scaled to a total of 1.
     Intersection,
-    /// `(x - mean) / sd` by the store's own statistics, 0 where nothing varies; L2.
+    /// `(x - mean) / sd` by the store's own statistics, 0 for features that do not vary; L2.
     ZScore,
-    /// The whitened directions that vary much between textures and little within one, unit length; L2.
+    /// The whitened directions that vary much between textures and little within one, scaled to unit length; L2. The
+    /// formula is in the [module's documentation](crate::space).
     Likeness {
-        /// The weight of the nuisance scatter beside that of the octants; 0 knows no nuisance, 1 is as strong.
+        /// The weight of the nuisance scatter, relative to that of the octants; finite, >= 0. 0 ignores nuisances.
         nuisance: f64,
-        /// How many coordinates, 1 to [`MAX_DIMS`].
+        /// The number of dimensions, 1 to [`MAX_DIMS`].
         dims: usize,
     },
 }
 
-/// What a space is to be: a name, the features and what is made of them.
+/// The definition of a space: its name, its features, and how they become points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Definition {
     /// 1 to 64 letters, digits, `-` or `_`.
     pub name: String,
-    /// The features.
+    /// The features. The field is called `recipe` in JSON and in stores.
     #[serde(rename = "recipe")]
     pub feature_set: FeatureSet,
-    /// What is made of them.
+    /// How they become points.
     pub kind: SpaceKind,
 }
 
 impl Definition {
-    /// The names of the spaces that every store has.
+    /// The names of the built-in spaces.
     pub const BUILT_IN: [&'static str; 5] = ["paper", "zscore", "oriented", "default", "invariant"];
 
-    /// The definition of a built-in space.
+    /// A definition, checked.
     ///
-    /// The nuisance weight of `default` was chosen on `datasets/families.toml` (mAP clean and under all nuisances, by
-    /// `eval`; the share of 880 copies, turned, 5 to 15 % brighter and with noise of 2 to 5 %, whose nearest texture is of
-    /// their family) and beside it on `datasets/wide.toml` (mAP clean) and on blocks of real volumes of 64^3 (mAP):
+    /// # Errors
+    /// As [`Definition::check`].
+    pub fn new(name: &str, features: FeatureSet, kind: SpaceKind) -> Result<Self, SpaceError> {
+        let definition = Self { name: name.to_owned(), feature_set: features, kind };
+        definition.check()?;
+        Ok(definition)
+    }
+
+    /// The definition of a built-in space; `None` for other names than those in [`Definition::BUILT_IN`].
+    ///
+    /// The nuisance weight of `default` was chosen by mean average precision (mAP) and by copies found:
+    ///
+    /// - *clean*, *nuisances*: mAP on `datasets/families.toml`, without nuisances and with all of them;
+    /// - *copies*: the fraction of 880 copies (turned, 5 to 15 % brighter, with noise of 2 to 5 %) whose nearest texture
+    ///   belongs to their family;
+    /// - *wide*: mAP on `datasets/wide.toml`, without nuisances;
+    /// - *real*: mAP on blocks of 64^3 voxels of real volumes.
     ///
     /// | weight | clean | nuisances | copies | wide | real |
     /// |---|---|---|---|---|---|
@@ -79,18 +97,16 @@ impl Definition {
         Some(Self { name: name.to_owned(), feature_set, kind })
     }
 
-    /// A likeness space of one's own.
+    /// The definition of a likeness space, of the degree roots of some views or of the pooled ones.
     ///
     /// # Errors
     /// [`SpaceError::Name`], [`SpaceError::NoViews`], [`SpaceError::Weight`], [`SpaceError::Dims`].
     pub fn likeness(name: &str, views: &[View], pooled: bool, nuisance: f64, dims: usize) -> Result<Self, SpaceError> {
-        let feature_set = FeatureSet::new(if pooled { FeatureForm::Pooled } else { FeatureForm::Roots }, views)?;
-        let definition = Self { name: name.to_owned(), feature_set, kind: SpaceKind::Likeness { nuisance, dims } };
-        definition.check()?;
-        Ok(definition)
+        let features = FeatureSet::new(if pooled { FeatureForm::Pooled } else { FeatureForm::Roots }, views)?;
+        Self::new(name, features, SpaceKind::Likeness { nuisance, dims })
     }
 
-    /// Whether the definition, however it came about, is one that can be fitted.
+    /// Checks that the definition can be fitted.
     ///
     /// # Errors
     /// [`SpaceError::Name`], [`SpaceError::Weight`], [`SpaceError::Dims`].
@@ -110,15 +126,15 @@ impl Definition {
         Ok(())
     }
 
-    /// The same on those of its views that are among `views`: what a store can answer that keeps only these. `None`
-    /// where it has none of them.
+    /// The same definition without the views that are not among `views`, for a store that keeps only these. `None` where
+    /// no view is left.
     pub fn restricted_to(&self, views: &[View]) -> Option<Self> {
         let kept: Vec<View> = self.feature_set.views().iter().copied().filter(|view| views.contains(view)).collect();
         let feature_set = FeatureSet::new(self.feature_set.form(), &kept).ok()?;
         Some(Self { name: self.name.clone(), feature_set, kind: self.kind })
     }
 
-    /// The distance.
+    /// The metric of the space.
     pub fn metric(&self) -> Metric {
         match self.kind {
             SpaceKind::Histogram | SpaceKind::Intersection => Metric::L1,
@@ -126,7 +142,7 @@ impl Definition {
         }
     }
 
-    /// How many coordinates a point has.
+    /// The number of coordinates of a point.
     pub fn dims(&self) -> usize {
         match self.kind {
             SpaceKind::Likeness { dims, .. } => dims,
@@ -134,12 +150,12 @@ impl Definition {
         }
     }
 
-    /// Whether fitting looks at statistics. `paper` has nothing to fit.
+    /// Whether the space depends on statistics. Histogram spaces do not.
     pub fn is_fitted(&self) -> bool {
         matches!(self.kind, SpaceKind::ZScore | SpaceKind::Likeness { .. })
     }
 
-    /// The formula of the points and the distance, in one paragraph.
+    /// The formula of points and distance, in one line.
     pub fn formula(&self) -> String {
         let features = match self.feature_set.form() {
             FeatureForm::Moments => "x = moments",
@@ -170,7 +186,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn built_in_definitions_are_good_and_survive_json() {
+    fn built_in_definitions_are_valid_and_survive_json() {
         for name in Definition::BUILT_IN {
             let definition = Definition::built_in(name).unwrap();
             definition.check().unwrap();
@@ -181,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_fitted_is_refused() {
+    fn invalid_definitions_are_refused() {
         let define = |name: &str, nuisance, dims| Definition::likeness(name, &View::LIKENESS, true, nuisance, dims);
         assert!(define("mine_2", 0.5, 16).is_ok());
         assert!(matches!(define("", 0.5, 16), Err(SpaceError::Name { .. })));
@@ -194,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_store_with_fewer_views_gets_the_rest_of_the_recipe() {
+    fn a_definition_is_restricted_to_the_views_of_a_store() {
         let default = Definition::built_in("default").unwrap();
         let rest = default.restricted_to(&[View::Full, View::Detail]).unwrap();
         assert_eq!((rest.feature_set.key().as_str(), rest.dims()), ("pooled:detail@1", 32));

@@ -1,80 +1,98 @@
-//! What can be wrong with moments, definitions and stored bytes.
+//! [`SpaceError`]: what can be wrong with moments, definitions and stored bytes.
 
 use crate::hlac::View;
 
-/// Why something is no feature, statistic or space.
+/// Why moments, a definition, statistics or a space are refused. Display states the fact; [`SpaceError::hint`] says
+/// what can be done.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SpaceError {
     /// A moment is not finite or not in [0, 1].
-    #[error(
-        "moment {mask} of {view} is {value}, but moments are finite numbers from 0 to 1: describe the texture anew"
-    )]
+    #[error("moment {mask} of {view} is {value}: moments are finite numbers from 0 to 1")]
     NotAMoment {
         /// The view.
         view: View,
         /// The mask's letters.
         mask: String,
-        /// What was found.
+        /// The number given.
         value: f32,
     },
-    /// A feature set without views.
+    /// A descriptor has two rows of moments for one view.
+    #[error("the moments of {view} are given twice")]
+    DuplicateView {
+        /// The view.
+        view: View,
+    },
+    /// A feature set has no views.
     #[error("a space needs at least one view")]
     NoViews,
-    /// A space's name that cannot be a name.
-    #[error("{found:?} is no name for a space: take 1 to 64 letters, digits, '-' or '_'")]
+    /// The name of a space is empty, too long or has other characters than those allowed.
+    #[error("the name of a space has 1 to 64 letters, digits, '-' or '_' (got {found:?})")]
     Name {
-        /// What was found.
+        /// The name given.
         found: String,
     },
-    /// Too few or too many coordinates.
-    #[error("a space has 1 to {limit} coordinates, not {found}")]
+    /// A likeness space has too few or too many dimensions.
+    #[error("a space has 1 to {limit} dimensions (got {found})")]
     Dims {
-        /// What was asked for.
+        /// The number given.
         found: usize,
-        /// The most there can be.
+        /// The largest number allowed.
         limit: usize,
     },
-    /// A nuisance weight that is no weight.
-    #[error("a nuisance weight is a finite number from 0 on, not {found}")]
+    /// A nuisance weight is negative or not finite.
+    #[error("a nuisance weight must be finite and >= 0 (got {found})")]
     Weight {
-        /// What was asked for.
+        /// The weight given.
         found: f64,
     },
-    /// Features or statistics of another feature set than the one that is needed.
-    #[error("these are features of {found}, but {expected} is needed")]
+    /// Features or statistics belong to another feature set than the one needed.
+    #[error("feature set {expected} is needed (got {found})")]
     FeatureSet {
-        /// The feature set that is needed.
+        /// The key of the feature set needed.
         expected: String,
-        /// The feature set that was given.
+        /// The key of the feature set given, or what was given in its place.
         found: String,
     },
-    /// More was taken away than was ever added.
-    #[error(
-        "a texture was taken from the statistics of {feature_set} that they do not hold: rebuild them with reindex"
-    )]
+    /// More textures were removed from statistics than had been added.
+    #[error("the statistics of {feature_set} do not contain the texture to be removed")]
     Overdrawn {
-        /// The feature set of the statistics.
+        /// The key of the statistics' feature set.
         feature_set: String,
     },
-    /// Stored bytes that are not what they should be.
-    #[error("the stored {what} cannot be read ({found}): rebuild it with reindex")]
+    /// Stored bytes are damaged.
+    #[error("the stored {what} cannot be read: {found}")]
     Damaged {
-        /// What was to be read.
+        /// What the bytes should hold, e.g. `space`.
         what: &'static str,
-        /// What is wrong.
+        /// What is wrong with them.
         found: &'static str,
     },
-    /// Stored bytes of another version.
-    #[error(
-        "the stored {what} is of version {found}, but this program reads version {supported}: use a newer hlacdb or rebuild it with reindex"
-    )]
+    /// Stored bytes have a version that this version of hlacdb does not read.
+    #[error("the stored {what} has version {found}, but version {supported} is supported")]
     Version {
-        /// What was to be read.
+        /// What the bytes should hold, e.g. `space`.
         what: &'static str,
-        /// The version found.
+        /// The version of the bytes.
         found: u16,
         /// The version that is read.
         supported: u16,
     },
+}
+
+impl SpaceError {
+    /// What the caller can do, to follow the error's sentence after a colon; `None` if there is no general advice.
+    pub fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::NotAMoment { .. } => Some("describe the texture again"),
+            Self::Overdrawn { .. } | Self::Damaged { .. } => Some("rebuild statistics and spaces from the textures"),
+            Self::Version { .. } => Some("use a newer hlacdb, or rebuild statistics and spaces from the textures"),
+            Self::DuplicateView { .. }
+            | Self::NoViews
+            | Self::Name { .. }
+            | Self::Dims { .. }
+            | Self::Weight { .. }
+            | Self::FeatureSet { .. } => None,
+        }
+    }
 }

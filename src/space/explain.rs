@@ -1,4 +1,4 @@
-//! Why two textures are alike: their distance, taken apart.
+//! [`Explanation`]: the distance between two textures, split by view, number of cells and orbit.
 
 use serde::Serialize;
 
@@ -7,50 +7,52 @@ use super::linalg::dot;
 use super::{FeaturePart, FeatureSet, Features, Metric, Space, SpaceError};
 use crate::hlac::{MASKS, View, orbits};
 
-/// The distance between two textures, taken apart by view, by number of cells and by orbit.
+/// The distance between two textures, split by view, by number of cells and by orbit.
 ///
-/// What is shared out is `total`: the squared distance for L2, the distance itself for L1. It is a sum over features,
-/// so that the shares add up to 1 (where the total is not 0; else all are 0):
+/// `total` is a sum with one term for each feature: the squared distance for L2, the distance for L1. Shares are
+/// fractions of it and add up to 1; all are 0 where the total is 0.
 ///
-/// - in a likeness space, with `y = (x - mean) / length` (each texture's own length before its point is scaled to unit
-///   length), the points differ by `D = sum over features of (y_a - y_b) * weights`, and the squared distance is `sum
-///   of (y_a - y_b) (weights . D)`. A feature whose term is below 0 brings the two together: without it they would be
-///   further apart;
-/// - in `zscore` a term is the squared difference of one coordinate, in a histogram space its absolute difference.
+/// - In a likeness space let `y = (x - mean) / length`, where `length` is that of the texture's own point before it is
+///   scaled to unit length. The points differ by `D = sum over features of (y_a - y_b) * weights`, and the squared
+///   distance is `sum over features of (y_a - y_b) (weights . D)`. A feature with a negative term reduces the distance.
+/// - In `zscore` a term is the squared difference of a coordinate, in a histogram space the absolute difference.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Explanation {
-    /// The distance, before coordinates are rounded to `f32`.
+    /// The distance of the points before they are rounded to `f32`.
     pub distance: f64,
-    /// What the shares are shares of.
+    /// The squared distance for L2, the distance for L1.
     pub total: f64,
-    /// One share for each view, by code.
+    /// The share of each view, by code.
     pub views: Vec<(View, f64)>,
-    /// The shares of masks of one, two and three cells.
+    /// The shares of the masks of one, two and three cells.
     pub cells: [f64; 3],
-    /// One share for each orbit of each view and each aspect of it, the largest in absolute value first.
+    /// The share of each aspect of each orbit of each view, by falling absolute value.
     pub orbits: Vec<OrbitShare>,
 }
 
-/// What one orbit of one view does to the distance.
+/// The share of one orbit of one view in a distance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct OrbitShare {
     /// The view.
     pub view: View,
     /// The orbit, 0 to 17.
     pub orbit: u8,
-    /// What of the orbit: `masks` (one by one), `mean` or `deviation` (over the orbit: the strength of anisotropy).
+    /// The aspect of the orbit: `masks` (each of them), `mean` or `deviation` (over the orbit; the deviation measures
+    /// anisotropy).
     pub aspect: &'static str,
     /// The letters of the orbit's masks, in the paper's order.
     pub masks: Vec<String>,
-    /// The share: above 0 it keeps the two apart, below 0 it brings them together.
+    /// The share of the total. A negative share reduces the distance.
     pub share: f64,
 }
 
 impl Space {
-    /// Takes the distance between two textures apart.
+    /// Splits the distance between two textures.
     ///
     /// # Errors
-    /// [`SpaceError::FeatureSet`] for features of another number than the feature set's.
+    /// [`SpaceError::FeatureSet`] for features of another feature set.
     pub fn explain(&self, a: &Features, b: &Features) -> Result<Explanation, SpaceError> {
         let terms = self.terms(a, b)?;
         let total: f64 = terms.iter().sum();
@@ -77,7 +79,7 @@ impl Space {
         })
     }
 
-    /// What each feature adds to the total.
+    /// The term of each feature.
     fn terms(&self, a: &Features, b: &Features) -> Result<Vec<f64>, SpaceError> {
         if let Map::Likeness(projection) = &self.map {
             let (raw_a, raw_b) = (self.raw_point(a)?, self.raw_point(b)?);
@@ -101,7 +103,7 @@ impl Space {
     }
 }
 
-/// The shares of each orbit, the largest first.
+/// The shares by view, orbit and aspect, by falling absolute value.
 fn by_orbit(feature_set: &FeatureSet, shares: &[f64]) -> Vec<OrbitShare> {
     let mut orbits: Vec<OrbitShare> = Vec::new();
     for (at, &share) in shares.iter().enumerate() {
@@ -132,7 +134,7 @@ mod tests {
     use crate::space::{Definition, Prior};
 
     #[test]
-    fn shares_make_up_the_distance_between_the_points() {
+    fn shares_add_up_to_the_distance_of_the_points() {
         let textures: Vec<_> = (0..30).map(described).collect();
         for name in Definition::BUILT_IN {
             let definition = Definition::built_in(name).unwrap();

@@ -1,32 +1,34 @@
-//! Feature sets: which numbers of a texture are looked at.
+//! [`FeatureSet`]: which numbers of a texture a space looks at.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::SpaceError;
-use super::roots::degree_roots;
+use super::degree_roots::degree_roots;
+use super::descriptor::check_moments;
+use super::{Descriptor, SpaceError};
 use crate::hlac::orbits::{self, ORBIT_COUNT};
 use crate::hlac::{MASK_COUNT, MASKS, View};
 
-/// How many numbers a view gives when pooled: a mean for each orbit, a deviation for each of more than one mask.
+/// Pooled features of a view: a mean for each orbit, a standard deviation for each orbit of more than one mask.
 const POOLED: usize = 2 * ORBIT_COUNT - 1;
 
-/// What is made of a view's moments.
+/// How the moments of a view become features.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum FeatureForm {
     /// The 251 moments as they are, in the order of the masks.
     Moments,
     /// The 251 degree roots: the k-th root of a moment of k cells, in the order of the masks.
     Roots,
-    /// Free of orientation: for each of the 18 orbits the mean of its degree roots, then for each of the 17 orbits of
-    /// more than one mask their standard deviation (over the orbit's masks, divided by their number): 35 numbers.
+    /// 35 numbers without orientation: the mean degree root of each of the 18 orbits, then the standard deviation of the
+    /// degree roots (the population's) of each of the 17 orbits of more than one mask.
     Pooled,
 }
 
 impl FeatureForm {
-    /// How many features a view gives.
+    /// The number of features that each view gives.
     pub const fn per_view(self) -> usize {
         match self {
             Self::Moments | Self::Roots => MASK_COUNT,
@@ -34,7 +36,7 @@ impl FeatureForm {
         }
     }
 
-    /// The name in a feature set's key: `moments`, `roots` or `pooled`. Frozen.
+    /// The name in a feature set's key: `moments`, `roots` or `pooled`. It never changes: stores contain it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Moments => "moments",
@@ -61,7 +63,9 @@ impl FeatureForm {
     }
 }
 
-/// Which features are taken: a form of some views. Views are ordered by code and occur once.
+/// Which numbers of a texture are its features: one form of each of some views. Views are ordered by code and occur once.
+///
+/// It is written as `{"form": "pooled", "views": ["stretch@1", ...]}`.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "Parts")]
 pub struct FeatureSet {
@@ -69,7 +73,7 @@ pub struct FeatureSet {
     views: Vec<View>,
 }
 
-/// A feature set as it is written down, before its views are ordered.
+/// A feature set as it is read, before its views are put in order.
 #[derive(Deserialize)]
 struct Parts {
     form: FeatureForm,
@@ -85,7 +89,7 @@ impl TryFrom<Parts> for FeatureSet {
 }
 
 impl FeatureSet {
-    /// A form of the views given, in any order.
+    /// The features of this form of these views, given in any order.
     ///
     /// # Errors
     /// [`SpaceError::NoViews`].
@@ -96,24 +100,32 @@ impl FeatureSet {
         if views.is_empty() { Err(SpaceError::NoViews) } else { Ok(Self { form, views }) }
     }
 
-    /// The 251 moments of `full@1`: what `paper`, `zscore` and a store's statistics look at.
+    /// The 251 moments of `full@1`: the features of `paper` and `zscore`, and of a store's statistics.
     pub fn plain() -> Self {
         Self { form: FeatureForm::Moments, views: vec![View::Full] }
     }
 
-    /// The 251 degree roots of `stretch@1`: what `oriented` looks at.
+    /// The 251 degree roots of `stretch@1`: the features of `oriented`.
     pub fn oriented() -> Self {
         Self { form: FeatureForm::Roots, views: vec![View::LIKENESS[0]] }
     }
 
-    /// The 245 pooled features of the seven views of likeness: what `default` and `invariant` look at.
+    /// The 245 pooled features of the seven views [`View::LIKENESS`]: the features of `default` and `invariant`.
     pub fn pooled() -> Self {
         Self { form: FeatureForm::Pooled, views: View::LIKENESS.to_vec() }
     }
 
-    /// The 280 pooled features of the eight views that a store keeps unless told otherwise: what the shipped prior knows.
+    /// The 280 pooled features of the eight views [`View::STANDARD`]: the features that the shipped prior covers.
     pub(super) fn stored() -> Self {
         Self { form: FeatureForm::Pooled, views: View::STANDARD.to_vec() }
+    }
+
+    /// Refuses another feature set than this one.
+    pub(super) fn require(&self, found: &Self) -> Result<(), SpaceError> {
+        if self == found {
+            return Ok(());
+        }
+        Err(SpaceError::FeatureSet { expected: self.key(), found: found.key() })
     }
 
     /// The form.
@@ -126,18 +138,18 @@ impl FeatureSet {
         &self.views
     }
 
-    /// The name under which a store keeps what belongs to the feature set, e.g. `roots:stretch@1`. Frozen.
+    /// The name of the feature set in a store, e.g. `roots:stretch@1`. It never changes.
     pub fn key(&self) -> String {
         let views: Vec<&str> = self.views.iter().map(|view| view.name()).collect();
         format!("{}:{}", self.form.name(), views.join(","))
     }
 
-    /// How many features there are.
+    /// The number of features.
     pub fn dims(&self) -> usize {
         self.views.len() * self.form.per_view()
     }
 
-    /// What the feature at `index` is; `None` from [`FeatureSet::dims`] on.
+    /// The feature at `index`; `None` from [`FeatureSet::dims`] on.
     pub fn feature(&self, index: usize) -> Option<Feature> {
         let view = *self.views.get(index / self.form.per_view())?;
         let at = index % self.form.per_view();
@@ -150,36 +162,46 @@ impl FeatureSet {
         Some(Feature { view, part })
     }
 
-    /// The features of one texture. `moments` gives the moments of a view, or `None` where the texture does not have
-    /// it; the features of such views are missing, and a space puts them at its mean.
+    /// The features of a texture. Those of views that it does not have are missing; see [`Features::missing`].
+    pub fn features(&self, descriptor: &Descriptor) -> Features {
+        self.collect(|view| descriptor.get(view))
+    }
+
+    /// The features of a texture whose moments stand in someone else's memory: `moments` gives those of a view, or
+    /// `None` where the texture does not have it.
     ///
     /// # Errors
     /// [`SpaceError::NotAMoment`].
-    pub fn features<'a>(
+    pub(crate) fn features_from<'a>(
         &self,
         moments: impl Fn(View) -> Option<&'a [f32; MASK_COUNT]>,
     ) -> Result<Features, SpaceError> {
+        for &view in &self.views {
+            moments(view).map_or(Ok(()), |moments| check_moments(view, moments))?;
+        }
+        Ok(self.collect(moments))
+    }
+
+    /// The features of moments that have been checked.
+    fn collect<'a>(&self, moments: impl Fn(View) -> Option<&'a [f32; MASK_COUNT]>) -> Features {
         let mut values = vec![0.0; self.dims()];
         let mut missing = Vec::new();
         for (&view, out) in self.views.iter().zip(values.chunks_exact_mut(self.form.per_view())) {
             match moments(view) {
-                Some(moments) => {
-                    check(view, moments)?;
-                    self.fill(moments, out);
-                }
+                Some(moments) => self.fill(moments, out),
                 None => missing.push(view),
             }
         }
-        Ok(Features { values, missing })
+        Features { values, missing }
     }
 
-    /// The features that one view gives.
+    /// Computes the features of one view.
     fn fill(&self, moments: &[f32; MASK_COUNT], out: &mut [f64]) {
         match self.form {
             FeatureForm::Moments => out.iter_mut().zip(moments).for_each(|(out, &moment)| *out = f64::from(moment)),
             FeatureForm::Roots => out.copy_from_slice(&degree_roots(moments)),
             FeatureForm::Pooled => {
-                // Orbits are numbered by order first: sorted by orbit, masks stay sorted by their number of cells.
+                // Orbits are numbered by the order of their masks first, so masks sorted by orbit are sorted by order.
                 let roots = degree_roots(&orbits::BY_ORBIT.map(|mask| moments[usize::from(mask)]));
                 let (means, deviations) = out.split_at_mut(ORBIT_COUNT);
                 for (orbit, range) in (0..ORBIT_COUNT).map(|orbit| (orbit, orbits::range(orbit))) {
@@ -203,18 +225,7 @@ impl fmt::Display for FeatureSet {
     }
 }
 
-/// Refuses what is no moment.
-fn check(view: View, moments: &[f32; MASK_COUNT]) -> Result<(), SpaceError> {
-    // One sweep without branches; the search for the culprit only where there is one.
-    let good = |value: f32| (0.0..=1.0).contains(&value);
-    if moments.iter().fold(true, |all, &value| all & good(value)) {
-        return Ok(());
-    }
-    let at = moments.iter().position(|&value| !good(value)).unwrap_or(0);
-    Err(SpaceError::NotAMoment { view, mask: MASKS[at].letters(), value: moments[at] })
-}
-
-/// The sum of `f` over `values` in four interleaved lanes: a fixed order that does not wait for each addition.
+/// The sum of `f` over `values`, in four interleaved lanes: a fixed order in which no addition waits for the one before.
 fn sum(values: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     let (fours, rest) = values.as_chunks::<4>();
     let mut lanes = [0.0; 4];
@@ -237,44 +248,45 @@ pub struct Features {
 }
 
 impl Features {
-    /// One number for each feature, all in [0, 1]; 0 for those of missing views.
+    /// One number in [0, 1] for each feature; 0 for those of missing views.
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
-    /// The feature set's views that the texture does not have (it is too small for their scale), by code.
+    /// The views of the feature set that the texture does not have (it is too small for their scale), by code.
     pub fn missing(&self) -> &[View] {
         &self.missing
     }
 
-    /// Whether every view is there. Only such textures enter statistics.
+    /// Whether no view is missing. Only such textures are counted in statistics.
     pub fn is_complete(&self) -> bool {
         self.missing.is_empty()
     }
 }
 
-/// What one feature is.
+/// One feature: a part of a view's moments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Feature {
     /// The view.
     pub view: View,
-    /// What of the view.
+    /// The part of the view.
     pub part: FeaturePart,
 }
 
-/// What of a view a feature is.
+/// The part of a view's moments that a feature is computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
 pub enum FeaturePart {
-    /// One mask, by its index in [`MASKS`].
+    /// One mask: its index in [`MASKS`].
     Mask(u8),
-    /// The mean over an orbit.
+    /// The mean over an orbit, given by its number.
     Mean(u8),
-    /// The standard deviation over an orbit: the strength of anisotropy.
+    /// The standard deviation over an orbit, given by its number: the strength of anisotropy.
     Deviation(u8),
 }
 
 impl FeaturePart {
-    /// The mask itself, or the first of its orbit.
+    /// The index of the mask, or of the first mask of the orbit, in [`MASKS`].
     pub fn mask(self) -> u8 {
         match self {
             Self::Mask(mask) => mask,
@@ -284,7 +296,7 @@ impl FeaturePart {
         }
     }
 
-    /// The orbit.
+    /// The number of the orbit, or of the mask's orbit.
     pub fn orbit(self) -> u8 {
         match self {
             Self::Mask(mask) => orbits::ORBIT_OF.get(usize::from(mask)).copied().unwrap_or(0),
@@ -294,7 +306,7 @@ impl FeaturePart {
 }
 
 impl fmt::Display for Feature {
-    /// E.g. `stretch@1 akl`, `sign@2 mean of akl...` (the orbit of mask akl).
+    /// For example `stretch@1 akl`, or `sign@2 mean of akl...` for the orbit of mask akl.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let letters = MASKS.get(usize::from(self.part.mask())).map(|mask| mask.letters()).unwrap_or_default();
         match self.part {
@@ -311,6 +323,10 @@ mod tests {
     use crate::hlac::orbits::symmetries;
     use proptest::prelude::*;
 
+    fn of(moments: [f32; MASK_COUNT]) -> Descriptor {
+        Descriptor::from_moments([(View::Full, moments)]).unwrap()
+    }
+
     fn moments() -> impl Strategy<Value = [f32; MASK_COUNT]> {
         proptest::collection::vec(0.0..=1.0_f32, MASK_COUNT).prop_map(|m| m.try_into().unwrap())
     }
@@ -319,9 +335,9 @@ mod tests {
         #![proptest_config(hlacdb_testing::cases(32))]
 
         #[test]
-        fn pooling_is_mean_and_deviation_of_the_roots_and_knows_no_direction(moments in moments(), turn in 0..48_usize) {
+        fn pooled_features_are_mean_and_deviation_and_have_no_orientation(moments in moments(), turn in 0..48_usize) {
             let feature_set = FeatureSet::new(FeatureForm::Pooled, &[View::Full]).unwrap();
-            let pooled = feature_set.features(|_| Some(&moments)).unwrap();
+            let pooled = feature_set.features(&of(moments));
             for orbit in 0..ORBIT_COUNT {
                 let root = |&m: &u8| f64::from(moments[usize::from(m)]).powf(1.0 / MASKS[usize::from(m)].order() as f64);
                 let roots: Vec<f64> = orbits::members(orbit).iter().map(root).collect();
@@ -334,7 +350,7 @@ mod tests {
             }
             let symmetry = symmetries()[turn];
             let turned: [f32; MASK_COUNT] = std::array::from_fn(|m| moments[usize::from(symmetry[m])]);
-            let turned = feature_set.features(|_| Some(&turned)).unwrap();
+            let turned = feature_set.features(&of(turned));
             prop_assert!(turned.values().iter().zip(pooled.values()).all(|(a, b)| (a - b).abs() < 1e-12));
         }
     }
@@ -362,15 +378,15 @@ mod tests {
     }
 
     #[test]
-    fn missing_views_are_told_and_wrong_moments_refused() {
+    fn missing_views_are_listed_and_wrong_moments_refused() {
         let good = [0.5; MASK_COUNT];
-        let features = FeatureSet::pooled().features(|view| (view != View::LIKENESS[2]).then_some(&good)).unwrap();
+        let others = View::LIKENESS.into_iter().filter(|view| *view != View::LIKENESS[2]);
+        let descriptor = Descriptor::from_moments(others.map(|view| (view, good))).unwrap();
+        let features = FeatureSet::pooled().features(&descriptor);
         assert_eq!(features.missing(), [View::LIKENESS[2]]);
-        for value in [f32::NAN, f32::INFINITY, -0.1, 1.1] {
-            let mut bad = good;
-            bad[3] = value;
-            let error = FeatureSet::plain().features(|_| Some(&bad)).unwrap_err();
-            assert!(matches!(error, SpaceError::NotAMoment { ref mask, .. } if mask == "am"), "{error}");
-        }
+        assert_eq!(FeatureSet::pooled().features_from(|view| descriptor.get(view)), Ok(features));
+        let mut bad = good;
+        bad[3] = f32::NAN;
+        assert!(matches!(FeatureSet::plain().features_from(|_| Some(&bad)), Err(SpaceError::NotAMoment { .. })));
     }
 }

@@ -1,19 +1,19 @@
-//! The fit: from statistics to the directions that vary much between textures and little within one.
+//! The fit of likeness spaces: from statistics to directions that vary much between textures and little within one.
 
 use super::definition::MAX_DIMS;
 use super::linalg::{Eigen, Matrix, axpy};
 use super::{NuisanceStatistics, Statistics};
 
-/// A feature whose standard deviation is not above this is constant: what is left is its quantisation.
+/// Features with at most this standard deviation are constant: quantisation alone causes it.
 const CONSTANT: f64 = 1e-9;
 
-/// Eigenvalues of `T` below this part of the largest are noise.
+/// Eigenvalues of `T` below this fraction of the largest are noise.
 const LEAST_EIGENVALUE: f64 = 1e-10;
 
-/// What is added to the variance within a texture before dividing by it.
+/// Added to the variance within a texture before dividing by it.
 const RIDGE: f64 = 0.02;
 
-/// What a fit is made from: a mean and three covariances of the same features.
+/// The input of a fit: the mean and three covariances of the features.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Model {
     pub(super) mean: Vec<f64>,
@@ -26,8 +26,8 @@ pub(super) struct Model {
 }
 
 impl Model {
-    /// A store's own statistics and a prior that counts as `weight` textures. A nuisance scatter of the store's own
-    /// takes the place of the prior's.
+    /// Combines a store's statistics with a prior that counts as `weight` textures. Nuisance statistics of the store
+    /// replace those of the prior.
     pub(super) fn combine(
         own: &Statistics,
         nuisance: Option<&NuisanceStatistics>,
@@ -41,7 +41,7 @@ impl Model {
         if let Some((weight, prior)) = prior.filter(|(weight, _)| *weight > 0.0) {
             let share = count / (count + weight);
             let apart: Vec<f64> = mean.iter().zip(&prior.mean).map(|(own, prior)| own - prior).collect();
-            // The mixture's covariance: both parts, and how far their means are apart.
+            // The covariance of the mixture: within both parts, and between their means.
             between = Matrix::from_fn(dims, dims, |i, j| {
                 let parts = share * between[(i, j)] + (1.0 - share) * prior.between[(i, j)];
                 parts + share * (1.0 - share) * (apart[i] * apart[j])
@@ -59,7 +59,7 @@ impl Model {
 }
 
 impl Model {
-    /// The part for some of the features.
+    /// The model of some of the features.
     pub(super) fn select(&self, features: &[usize]) -> Self {
         let part = |matrix: &Matrix| {
             Matrix::from_fn(features.len(), features.len(), |i, j| matrix[(features[i], features[j])])
@@ -77,14 +77,14 @@ impl Model {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Projection {
     pub(super) mean: Vec<f64>,
-    /// One row a feature, one column a coordinate.
+    /// A row for each feature, a column for each coordinate.
     pub(super) weights: Matrix,
     /// The correlation of each feature (row) with each coordinate (column) over the textures; 0 for constant ones.
     pub(super) correlations: Matrix,
     /// The standard deviation of each feature over the textures; 0 for constant ones.
     pub(super) deviations: Vec<f64>,
-    /// The variance of each coordinate over the textures, falling. Coordinates that the statistics have no direction
-    /// for are last, and always 0.
+    /// The variance of each coordinate over the textures, falling. Where the statistics have fewer directions than there
+    /// are dimensions, the last coordinates are always 0.
     pub(super) variances: Vec<f64>,
 }
 
@@ -99,14 +99,14 @@ impl Projection {
             let nuisance = scaled(&model.nuisance);
             within = Matrix::from_fn(features, features, |i, j| within[(i, j)] + nuisance_weight * nuisance[(i, j)]);
         }
-        // Rows: whitened directions, in which the scatter between textures is the identity.
+        // Each row is a whitened direction: in these the scatter between textures is the identity.
         let white = whitening(Eigen::of(between.clone()));
         let inner = white.times(&within).times(&white.transposed());
         let size = white.rows();
         let symmetric = Matrix::from_fn(size, size, |i, j| 0.5 * (inner[(i, j)] + inner[(j, i)]));
         let Eigen { values, vectors } = Eigen::of(symmetric);
         let found = dims.min(size);
-        // A scatter is never negative; its arithmetic may be, by a rounding.
+        // Rounding can make an eigenvalue of a scatter negative.
         let mut variances: Vec<f64> = values[..found].iter().map(|value| 1.0 / (value.max(0.0) + RIDGE)).collect();
         let directions = Matrix::from_fn(found, size, |i, j| vectors[(i, j)] * variances[i].sqrt());
         let directions = directions.times(&white);
@@ -126,12 +126,12 @@ impl Projection {
         Self { mean: model.mean, weights, correlations, deviations, variances }
     }
 
-    /// The coordinates of `x`, not scaled to unit length. Features that are not there count as average.
+    /// The coordinates of `x`, not scaled to unit length. Missing features count as average.
     pub(super) fn project(&self, x: impl Iterator<Item = Option<f64>>) -> Vec<f64> {
         self.apply(x.zip(&self.mean).map(|(x, mean)| x.map(|x| x - mean)))
     }
 
-    /// What becomes of a difference of features.
+    /// Maps a difference of features; missing ones count as 0.
     pub(super) fn apply(&self, difference: impl Iterator<Item = Option<f64>>) -> Vec<f64> {
         let mut point = vec![0.0; self.weights.columns()];
         for (feature, difference) in difference.enumerate() {
@@ -143,13 +143,14 @@ impl Projection {
     }
 }
 
-/// One over a standard deviation, 0 for that of a constant.
+/// The inverse of the standard deviation; 0 for a constant feature.
 pub(super) fn inverse_deviation(variance: f64) -> f64 {
     let deviation = variance.max(0.0).sqrt();
     if deviation > CONSTANT { 1.0 / deviation } else { 0.0 }
 }
 
-/// Eigenvectors by the root of their eigenvalue, as rows, by falling eigenvalue: at most [`MAX_DIMS`], none of noise.
+/// Eigenvectors divided by the root of their eigenvalues, as rows, by falling eigenvalue: at most [`MAX_DIMS`], without
+/// noise.
 fn whitening(eigen: Eigen) -> Matrix {
     let largest = eigen.values.last().copied().unwrap_or(0.0);
     let good = |value: &f64| *value > LEAST_EIGENVALUE * largest && *value > 0.0;
@@ -159,7 +160,7 @@ fn whitening(eigen: Eigen) -> Matrix {
     Matrix::from_fn(kept, last, |i, j| eigen.vectors[(row(i), j)] / eigen.values[row(i)].sqrt())
 }
 
-/// The sign that makes the largest weight positive: eigenvectors come with either.
+/// The sign that makes the largest weight positive, since the sign of an eigenvector is arbitrary.
 fn sign(direction: &[f64]) -> f64 {
     let largest =
         direction.iter().fold(0.0_f64, |largest, &weight| if weight.abs() > largest.abs() { weight } else { largest });
@@ -208,7 +209,7 @@ mod tests {
         #![proptest_config(hlacdb_testing::cases(24))]
 
         #[test]
-        fn distances_are_those_of_the_recipe(
+        fn distances_follow_the_formula(
             features in 2..40_usize, dims in 1..12_usize, weight in 0.0..2.0_f64,
             numbers in proptest::collection::vec(-1.0..1.0_f64, 997), other in proptest::collection::vec(-1.0..1.0_f64, 991),
         ) {
@@ -231,7 +232,7 @@ mod tests {
 
     #[test]
     fn constant_features_and_missing_directions_are_zero() {
-        // The third feature never varies, the fourth is the first once more.
+        // The third feature is constant, the fourth equals the first.
         let copies = [0, 1, usize::MAX, 0];
         let of = |i: usize, j: usize| if copies[i] == copies[j] && copies[i] < 2 { 0.04 } else { 0.0 };
         let model = Model {

@@ -1,34 +1,33 @@
-//! [`Space`]: a fitted definition, from features to points.
+//! [`Space`]: a fitted definition, which maps features to points.
 
-use super::bytes::{Header, Reader, Writer};
+use super::codec::{Header, Reader, Writer, read_feature_set, write_feature_set};
 use super::fit::{Model, Projection, inverse_deviation};
 use super::linalg::Matrix;
-use super::statistics::{read_recipe, write_recipe};
 use super::{
-    Definition, Feature, FeatureForm, FeatureSet, Features, Metric, NuisanceStatistics, Prior, SpaceError, SpaceKind,
-    Statistics,
+    Definition, Descriptor, Feature, FeatureForm, FeatureSet, Features, Metric, NuisanceStatistics, Prior, SpaceError,
+    SpaceKind, Statistics,
 };
 use crate::hlac::{MASK_COUNT, MASKS, View};
 
 const SPACE: Header = Header { what: "space", magic: *b"hSpa", version: 1 };
 
-/// How many of the features that go with an axis are named.
+/// The number of features that are named for each axis.
 const NAMED: usize = 3;
 
 /// A fitted space: the map from a texture's features to its point.
 ///
-/// The same features give the same point to the bit, always; a space never gives NaN or infinity. A view that a texture
-/// does not have counts as average (`z = 0`); a texture that has none of the views, or is average in every respect, is
-/// the origin.
+/// The same features give the same point, to the bit, on every machine. Coordinates are always finite. A view that a
+/// texture does not have counts as average (`z = 0`); a texture without any of the views, or average in every feature,
+/// is mapped to the origin.
 ///
 /// ```
-/// use hlacdb::space::{Definition, Prior, Space, Statistics};
+/// use hlacdb::space::{Definition, Descriptor, Prior, Space, Statistics};
 /// use hlacdb::volume::Volume;
 /// let definition = Definition::built_in("paper").ok_or("no such space")?;
 /// let space = Space::fit(&definition, &Statistics::new(&definition.feature_set), None, &Prior::none())?;
 /// let described = hlacdb::describe(&Volume::new([4, 4, 4], 1, vec![2; 64])?, definition.feature_set.views());
-/// let moments = described[0].1.total().descriptor();
-/// let point = space.point(&space.feature_set().features(|_| Some(&moments))?)?;
+/// let features = space.feature_set().features(&Descriptor::from_sums(&described)?);
+/// let point = space.point(&features)?;
 /// assert_eq!(point[0], 2.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -40,36 +39,36 @@ pub struct Space {
     origin: Origin,
 }
 
-/// From features to a point.
+/// The map from features to a point.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Map {
-    /// `x * factor`, divided by twice its sum where `share`.
-    Histogram { share: bool },
+    /// `x * 255^cells`; if `normalised`, divided by twice the sum.
+    Histogram { normalised: bool },
     /// `(x - mean) * scale`.
     Scaled { mean: Vec<f64>, scale: Vec<f64> },
     /// `(x - mean) weights`, scaled to unit length.
     Likeness(Projection),
 }
 
-/// The store's own statistics at the time of the fit, which drift is measured from.
+/// The store's statistics at the time of the fit, the reference for drift.
 #[derive(Clone, Debug, PartialEq)]
 struct Origin {
-    /// Textures then; with none, mean and variances are the prior's.
+    /// The number of textures. If it is 0, mean and variances are those of the prior.
     count: u64,
     mean: Vec<f64>,
-    /// Of each coordinate, before the scaling to unit length.
+    /// The variance of each coordinate before points are scaled to unit length.
     variances: Vec<f64>,
 }
 
 impl Space {
-    /// Fits a definition on a store's statistics (of the definition's feature set) and a prior. Nuisance statistics of the
-    /// store's own, where given, take the place of the prior's.
+    /// Fits a definition on a store's statistics and a prior. Nuisance statistics of the store, if given, replace those
+    /// of the prior.
     ///
-    /// Any statistics will do: with those of no texture the prior carries the space; with neither, all points are the
-    /// origin. The epoch is 0: see [`Space::with_epoch`].
+    /// Statistics of no texture are allowed: the prior then determines the space, and without a prior every point is the
+    /// origin. The epoch is 0; see [`Space::with_epoch`].
     ///
     /// # Errors
-    /// Those of [`Definition::check`]; [`SpaceError::FeatureSet`] for statistics of another feature set.
+    /// As [`Definition::check`]; [`SpaceError::FeatureSet`] for statistics of another feature set than the definition's.
     pub fn fit(
         definition: &Definition,
         statistics: &Statistics,
@@ -85,8 +84,8 @@ impl Space {
             }
         }
         let map = match definition.kind {
-            SpaceKind::Histogram => Map::Histogram { share: false },
-            SpaceKind::Intersection => Map::Histogram { share: true },
+            SpaceKind::Histogram => Map::Histogram { normalised: false },
+            SpaceKind::Intersection => Map::Histogram { normalised: true },
             SpaceKind::ZScore => {
                 let scale = statistics.deviation().iter().map(|d| inverse_deviation(d * d)).collect();
                 Map::Scaled { mean: statistics.mean(), scale }
@@ -101,7 +100,7 @@ impl Space {
         Ok(Self { definition: definition.clone(), epoch: 0, map, origin })
     }
 
-    /// The same space under another epoch: the number that the owner gives to each fit.
+    /// The same space with another epoch: the number by which its owner tells one fit from the next.
     pub fn with_epoch(self, epoch: u64) -> Self {
         Self { epoch, ..self }
     }
@@ -116,83 +115,81 @@ impl Space {
         &self.definition.name
     }
 
-    /// What it was fitted to be.
+    /// The definition that was fitted.
     pub fn definition(&self) -> &Definition {
         &self.definition
     }
 
-    /// The features it looks at.
+    /// The features that it uses.
     pub fn feature_set(&self) -> &FeatureSet {
         &self.definition.feature_set
     }
 
-    /// The distance between points.
+    /// The metric of its points.
     pub fn metric(&self) -> Metric {
         self.definition.metric()
     }
 
-    /// How many coordinates a point has.
+    /// The number of coordinates of a point.
     pub fn dims(&self) -> usize {
         self.definition.dims()
     }
 
-    /// How many textures the store had when the space was fitted.
+    /// The number of textures in the statistics that it was fitted on.
     pub fn textures_at_fit(&self) -> u64 {
         self.origin.count
     }
 
-    /// The point of a texture with these features: [`Space::dims`] finite numbers.
+    /// The point of a texture with these features: [`Space::dims`] finite coordinates.
     ///
     /// # Errors
-    /// [`SpaceError::FeatureSet`] for features of another number than the feature set's.
+    /// [`SpaceError::FeatureSet`] for features of another feature set.
     pub fn point(&self, features: &Features) -> Result<Vec<f32>, SpaceError> {
         Ok(self.exact_point(features)?.iter().map(|&coordinate| coordinate as f32).collect())
     }
 
-    /// The points of many textures, one after the other: `moments(row, view)` are the moments of a view of texture
-    /// `row`, as [`FeatureSet::features`] takes them.
-    ///
-    /// # Errors
-    /// [`SpaceError::NotAMoment`].
-    pub fn points<'a>(
-        &self,
-        rows: usize,
-        moments: impl Fn(usize, View) -> Option<&'a [f32; MASK_COUNT]>,
-    ) -> Result<Vec<f32>, SpaceError> {
-        let mut points = Vec::with_capacity(rows * self.dims());
-        for row in 0..rows {
-            let features = self.feature_set().features(|view| moments(row, view))?;
-            points.extend(self.exact_point(&features)?.iter().map(|&coordinate| coordinate as f32));
-        }
-        Ok(points)
+    /// The points of several textures, one after another: [`Space::dims`] coordinates each.
+    pub fn points<'a>(&self, descriptors: impl IntoIterator<Item = &'a Descriptor>) -> Vec<f32> {
+        let features = descriptors.into_iter().map(|descriptor| self.feature_set().features(descriptor));
+        let points = features.flat_map(|features| self.scaled(self.unscaled(&features)));
+        points.map(|coordinate| coordinate as f32).collect()
     }
 
-    /// The point before it is rounded.
+    /// The point before it is rounded to `f32`.
     pub(super) fn exact_point(&self, features: &Features) -> Result<Vec<f64>, SpaceError> {
-        let mut point = self.raw_point(features)?;
+        Ok(self.scaled(self.raw_point(features)?))
+    }
+
+    /// The point before it is scaled to unit length.
+    pub(super) fn raw_point(&self, features: &Features) -> Result<Vec<f64>, SpaceError> {
+        let (expected, found) = (self.feature_set(), features.values().len());
+        if found != expected.dims() {
+            return Err(SpaceError::FeatureSet { expected: expected.key(), found: format!("{found} numbers") });
+        }
+        Ok(self.unscaled(features))
+    }
+
+    /// A point of a likeness space scaled to unit length, other points as they are.
+    fn scaled(&self, mut point: Vec<f64>) -> Vec<f64> {
         if let Map::Likeness(_) = self.map {
             let length = self.length(&point);
             if length > 0.0 {
                 point.iter_mut().for_each(|coordinate| *coordinate /= length);
             }
         }
-        Ok(point)
+        point
     }
 
-    /// The point before it is scaled to unit length.
-    pub(super) fn raw_point(&self, features: &Features) -> Result<Vec<f64>, SpaceError> {
+    /// As [`Space::raw_point`], of features whose number has been checked.
+    fn unscaled(&self, features: &Features) -> Vec<f64> {
         let feature_set = self.feature_set();
-        if features.values().len() != feature_set.dims() {
-            let found = format!("{} numbers", features.values().len());
-            return Err(SpaceError::FeatureSet { expected: feature_set.key(), found });
-        }
         let present = present(feature_set, features);
-        Ok(match &self.map {
-            Map::Histogram { share } => {
+        match &self.map {
+            Map::Histogram { normalised } => {
                 let mut point: Vec<f64> =
                     features.values().iter().enumerate().map(|(at, x)| x * bin(feature_set, at)).collect();
                 let total: f64 = point.iter().sum();
-                if *share && total > 0.0 {
+                if *normalised && total > 0.0 {
                     point.iter_mut().for_each(|bin| *bin /= 2.0 * total);
                 }
                 point
@@ -202,15 +199,15 @@ impl Space {
                 scaled.map(|((x, mean), scale)| x.map_or(0.0, |x| (x - mean) * scale)).collect()
             }
             Map::Likeness(projection) => projection.project(present),
-        })
+        }
     }
 
-    /// The length of a point.
+    /// The Euclidean length of a point.
     pub(super) fn length(&self, point: &[f64]) -> f64 {
         point.iter().map(|coordinate| coordinate * coordinate).sum::<f64>().sqrt()
     }
 
-    /// The axes of a likeness space, by falling variance, and what they mean; none for other spaces.
+    /// The axes of a likeness space, by falling variance. Empty for other spaces.
     pub fn axes(&self) -> Vec<SpaceAxis> {
         let Map::Likeness(projection) = &self.map else { return Vec::new() };
         let total: f64 = projection.variances.iter().sum();
@@ -223,13 +220,13 @@ impl Space {
         .collect()
     }
 
-    /// Each view's share of the variance of a coordinate: the covariance of its part of the sum with the whole.
+    /// The share of each view in the variance of a coordinate: the covariance of the view's part with the coordinate.
     fn view_shares(&self, projection: &Projection, axis: usize) -> Vec<(View, f64)> {
         let feature_set = self.feature_set();
         let per_view = feature_set.form().per_view();
         let deviation = projection.variances[axis].sqrt();
         let share = |feature: usize| {
-            // weight * sd of the feature * correlation * sd of the coordinate, by the variance of the coordinate.
+            // weight * sd of the feature * correlation * sd of the coordinate / variance of the coordinate.
             let weight = projection.weights[(feature, axis)] * projection.deviations[feature];
             weight * projection.correlations[(feature, axis)] / deviation
         };
@@ -237,7 +234,7 @@ impl Space {
         views.map(|(at, &view)| (view, (at * per_view..(at + 1) * per_view).map(share).sum())).collect()
     }
 
-    /// The features that go most with a coordinate.
+    /// The features with the strongest correlation with a coordinate.
     fn named_features(&self, projection: &Projection, axis: usize) -> Vec<(Feature, f64)> {
         let correlation = |feature: usize| projection.correlations[(feature, axis)];
         let mut features: Vec<usize> = (0..self.feature_set().dims()).collect();
@@ -246,8 +243,8 @@ impl Space {
         named.filter_map(|at| Some((self.feature_set().feature(at)?, correlation(at)))).collect()
     }
 
-    /// How far a store's statistics are from those that the space was fitted on; `None` for spaces that are not
-    /// fitted, and where one of the two counts no texture and there is no prior.
+    /// How far statistics have moved from those that the space was fitted on. `None` for histogram spaces, for
+    /// statistics of no texture, and for a space that was fitted on no texture and no prior.
     ///
     /// # Errors
     /// [`SpaceError::FeatureSet`].
@@ -271,7 +268,7 @@ impl Space {
         }))
     }
 
-    /// The bytes that [`Space::decode`] reads: versioned and checked, the same for the same space.
+    /// The bytes that [`Space::decode`] reads: versioned, with a checksum, the same for the same space.
     ///
     /// Name as a list of bytes; feature set (form u8, views as a list of u8 codes); kind u8 (0 histogram, 1 intersection,
     /// 2 z-score, 3 likeness: then nuisance weight f64 and dims u32); epoch u64; count u64, mean and variances at the
@@ -280,7 +277,7 @@ impl Space {
     pub fn encode(&self) -> Vec<u8> {
         let mut writer = Writer::new(SPACE);
         writer.bytes(self.definition.name.as_bytes());
-        write_recipe(&mut writer, &self.definition.feature_set);
+        write_feature_set(&mut writer, &self.definition.feature_set);
         match self.definition.kind {
             SpaceKind::Histogram => writer.u8(0),
             SpaceKind::Intersection => writer.u8(1),
@@ -309,14 +306,14 @@ impl Space {
         writer.finish()
     }
 
-    /// The space that was encoded.
+    /// Reads what [`Space::encode`] wrote.
     ///
     /// # Errors
     /// [`SpaceError::Damaged`], [`SpaceError::Version`].
     pub fn decode(bytes: &[u8]) -> Result<Self, SpaceError> {
         let mut reader = Reader::new(SPACE, bytes)?;
-        let name = str::from_utf8(reader.bytes()?).map_err(|_| reader.damaged("its name is no text"))?.to_owned();
-        let feature_set = read_recipe(&mut reader)?;
+        let name = str::from_utf8(reader.bytes()?).map_err(|_| reader.damaged("its name is not UTF-8"))?.to_owned();
+        let feature_set = read_feature_set(&mut reader)?;
         let kind = match reader.u8()? {
             0 => SpaceKind::Histogram,
             1 => SpaceKind::Intersection,
@@ -330,8 +327,8 @@ impl Space {
         let epoch = reader.u64()?;
         let origin = Origin { count: reader.u64()?, mean: reader.f64s(features)?, variances: reader.f64s(dims)? };
         let map = match kind {
-            SpaceKind::Histogram => Map::Histogram { share: false },
-            SpaceKind::Intersection => Map::Histogram { share: true },
+            SpaceKind::Histogram => Map::Histogram { normalised: false },
+            SpaceKind::Intersection => Map::Histogram { normalised: true },
             SpaceKind::ZScore => Map::Scaled { mean: reader.f64s(features)?, scale: reader.f64s(features)? },
             SpaceKind::Likeness { .. } => Map::Likeness(Projection {
                 mean: reader.f64s(features)?,
@@ -347,7 +344,7 @@ impl Space {
 }
 
 impl Map {
-    /// What becomes of a difference of features; nothing is scaled to unit length.
+    /// Maps a difference of features, without scaling to unit length.
     fn apply_to_difference(&self, difference: &[f64]) -> Vec<f64> {
         match self {
             Self::Histogram { .. } => difference.to_vec(),
@@ -356,7 +353,7 @@ impl Map {
         }
     }
 
-    /// The variance of each coordinate, of features with this covariance.
+    /// The variance of each coordinate of features with this covariance.
     fn variances(&self, covariance: &Matrix) -> Vec<f64> {
         match self {
             Self::Histogram { .. } => vec![0.0; covariance.rows()],
@@ -377,12 +374,12 @@ impl Map {
 impl Origin {
     fn of(map: &Map, statistics: &Statistics) -> Self {
         match map {
-            // Nothing is fitted, and so nothing drifts.
+            // Histogram spaces are not fitted and do not drift.
             Map::Histogram { .. } => {
                 let zeros = vec![0.0; statistics.feature_set().dims()];
                 Self { count: statistics.count(), mean: zeros.clone(), variances: zeros }
             }
-            // Before there are textures, the prior stands for them.
+            // Without textures the prior is the reference.
             Map::Likeness(projection) if statistics.count() == 0 => {
                 Self { count: 0, mean: projection.mean.clone(), variances: projection.variances.clone() }
             }
@@ -395,7 +392,7 @@ impl Origin {
     }
 }
 
-/// The features that are there, in order.
+/// The features in order; `None` for those of missing views.
 pub(super) fn present<'a>(
     feature_set: &FeatureSet,
     features: &'a Features,
@@ -405,7 +402,7 @@ pub(super) fn present<'a>(
     features.values().iter().enumerate().map(move |(at, &x)| views[at / per_view].then_some(x))
 }
 
-/// What a moment is multiplied by in the paper's histogram: `255^cells`; 1 for features that are no moments.
+/// The factor of a feature in the paper's histogram: `255^cells` for a moment, 1 for other features.
 pub(super) fn bin(feature_set: &FeatureSet, feature: usize) -> f64 {
     match feature_set.form() {
         FeatureForm::Moments => f64::from(255_u32.pow(MASKS[feature % MASK_COUNT].order() as u32)),
@@ -415,25 +412,28 @@ pub(super) fn bin(feature_set: &FeatureSet, feature: usize) -> f64 {
 
 /// One axis of a likeness space.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SpaceAxis {
-    /// Its share of the variance of all coordinates (before the scaling to unit length); the shares add up to 1.
+    /// The share of the variance of all coordinates before points are scaled to unit length. The shares of all axes add
+    /// up to 1.
     pub variance: f64,
-    /// How much of the axis comes from each view; the shares add up to 1, and one below 0 works against the others.
+    /// The share of each view in the variance of the axis. The shares add up to 1; a negative one counteracts the others.
     pub views: Vec<(View, f64)>,
-    /// The features that go most with it, and their correlation with the coordinate over the textures.
+    /// The features with the strongest correlation with the axis over the textures, and that correlation.
     pub features: Vec<(Feature, f64)>,
 }
 
 /// How far a store has moved since a space was fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Drift {
-    /// Textures when the space was fitted; 0 means that the prior stood for them.
+    /// The number of textures at the fit; 0 means that the prior is the reference.
     pub textures_at_fit: u64,
-    /// Textures now.
+    /// The number of textures now.
     pub textures: u64,
-    /// How far the mean texture has moved, in units of the spread of the textures then; 0 means not at all.
+    /// How far the mean texture has moved, in units of the spread at the fit; 0 means not at all.
     pub shift: f64,
-    /// The spread of the textures now by that of then; 1 means no change.
+    /// The spread of the textures now, divided by that at the fit; 1 means no change.
     pub spread: f64,
 }
 

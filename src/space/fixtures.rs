@@ -1,10 +1,10 @@
 //! Small textures for tests.
 
-use super::{Contribution, FeatureSet, Features, Statistics};
+use super::{Contribution, Descriptor, FeatureSet, Features, Statistics};
 use crate::hlac::{OctantSums, View};
 use crate::volume::Volume;
 
-/// A texture of 16^3 voxels: waves along a direction, and noise, both by the seed.
+/// A texture of 16^3 voxels: a plane wave and noise, both drawn by the seed.
 pub(super) fn volume(seed: u64) -> Volume {
     let mut state = (seed + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     let mut next = move || {
@@ -27,14 +27,11 @@ pub(super) fn described(seed: u64) -> Vec<(View, OctantSums)> {
 }
 
 pub(super) fn features(feature_set: &FeatureSet, described: &[(View, OctantSums)]) -> Features {
-    let descriptors: Vec<_> = described.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect();
-    feature_set
-        .features(|view| descriptors.iter().find(|(other, _)| *other == view).map(|(_, moments)| moments))
-        .unwrap()
+    feature_set.features(&Descriptor::from_sums(described).unwrap())
 }
 
 pub(super) fn contribution(feature_set: &FeatureSet, described: &[(View, OctantSums)]) -> Contribution {
-    Contribution::of_sums(feature_set, described).unwrap().unwrap()
+    Contribution::from_sums(feature_set, described).unwrap().unwrap()
 }
 
 pub(super) fn statistics(feature_set: &FeatureSet, textures: &[Vec<(View, OctantSums)>]) -> Statistics {

@@ -1,17 +1,17 @@
-//! [`Metric`]: the one way in which a distance is computed. Spaces name their metric and
-//! the index measures by it.
+//! [`Metric`]: the one definition of a distance. Spaces name their metric, and the index computes with it.
 //!
-//! A distance is defined to the bit: coordinates are widened to `f64` and subtracted there; the squares (L2) or
-//! absolute values (L1) of coordinate `i` are added, in ascending `i`, to lane `i % 8`; lanes are added as
-//! `((0+4) + (2+6)) + ((1+5) + (3+7))`; L2 takes the square root. IEEE 754 fixes each of these steps and Rust neither
-//! reorders nor contracts them, so every CPU, index and thread gives the same bits, and the fixed lanes let the
-//! compiler use whatever vector width the target has.
+//! A distance is defined to the bit. Coordinates are converted to `f64` and subtracted; the square (L2) or absolute
+//! value (L1) of the difference of coordinate `i` is added to lane `i % 8`, in ascending `i`; lanes are added as
+//! `((0+4) + (2+6)) + ((1+5) + (3+7))`; L2 takes the square root. IEEE 754 fixes each of these steps, and Rust neither
+//! reorders nor contracts them, so every CPU, index and thread computes the same bits. The lanes allow the compiler to
+//! use vectors of any width.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// How far two points are apart.
+/// The distance between two points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
 pub enum Metric {
     /// The square root of the sum of squared differences.
     L2,
@@ -19,7 +19,7 @@ pub enum Metric {
     L1,
 }
 
-/// Lanes of the sum. Part of the definition of a distance: another number is another distance in the last bits.
+/// Lanes of the sum. They are part of the definition: another number changes the last bits of a distance.
 const LANES: usize = 8;
 
 impl Metric {
@@ -31,10 +31,10 @@ impl Metric {
         }
     }
 
-    /// The distance between two points, never negative, NaN only where a coordinate is not finite.
+    /// The distance between two points of the same length: >= 0, NaN only if a coordinate is not finite.
     ///
-    /// Symmetric to the bit, and 0 exactly where the points are equal. Extra coordinates of the longer point are left
-    /// out; the doors of the index refuse unequal lengths before they come here.
+    /// It is symmetric to the bit, and 0 exactly if the points are equal. If lengths differ, the extra coordinates of the
+    /// longer point are ignored; the index refuses such points beforehand.
     ///
     /// ```
     /// use hlacdb::space::Metric;
@@ -58,7 +58,7 @@ impl Metric {
     }
 }
 
-/// The sum over coordinates in the fixed order that the module's first lines give.
+/// The sum over coordinates in the order that the module defines.
 #[inline(always)]
 fn sum(a: &[f32], b: &[f32], term: impl Fn(f64) -> f64) -> f64 {
     let mut lanes = [0.0f64; LANES];
@@ -82,9 +82,9 @@ impl fmt::Display for Metric {
     }
 }
 
-/// A name that no metric has.
+/// The name of no metric.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no metric {0:?}: use L2 or L1")]
+#[error("metrics are L2 and L1 (got {0:?})")]
 pub struct UnknownMetric(String);
 
 impl FromStr for Metric {
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The sum with nothing clever about it, lanes by hand.
+    /// The definition, written out.
     fn plain(a: &[f32], b: &[f32], term: impl Fn(f64) -> f64) -> f64 {
         let mut lanes = [0.0f64; 8];
         for i in 0..a.len() {
@@ -118,7 +118,7 @@ mod tests {
         #![proptest_config(hlacdb_testing::cases(256))]
 
         #[test]
-        fn distance_is_its_definition_at_every_length(
+        fn distances_follow_the_definition_at_every_length(
             pairs in prop::collection::vec((-1e6f32..1e6, -1e6f32..1e6), 0..300)
         ) {
             let (a, b): (Vec<f32>, Vec<f32>) = pairs.into_iter().unzip();
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn golden_bits() {
-        // Computed once, from numbers that every platform makes alike: other lanes or another tree show in the last bits.
+        // From numbers that are the same on every platform: other lanes or another order show in the last bits.
         let a: Vec<f32> = (0..251u16).map(|i| f32::from(i * 37 % 101) / 101.0).collect();
         let b: Vec<f32> = (0..251u16).map(|i| 1.0 / (1.0 + f32::from(i))).collect();
         assert_eq!(Metric::L2.distance(&a, &b).to_bits(), 0x4021_bd43_48dc_14a7);
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_read_back() {
+    fn names_are_parsed() {
         for metric in [Metric::L2, Metric::L1] {
             assert_eq!(metric.to_string().parse::<Metric>().unwrap(), metric);
         }

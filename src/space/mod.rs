@@ -1,21 +1,23 @@
-//! Spaces: from the moments of some views to a point, and what the distance between two points means.
+//! Spaces: maps from the moments of a texture to a point, such that the distance between points measures likeness.
 //!
-//! Vocabulary: a *feature set* ([`FeatureSet`]) says which numbers of a texture are looked at: its *features*. *Statistics*
-//! ([`Statistics`]) are additive sums over textures, exact to the bit. A *definition* ([`Definition`]) says what a
-//! space is to be; a *space* ([`Space`]) is one fitted on statistics, and turns features into *points*. A *prior*
-//! ([`Prior`]) is what is known about textures before a store has any.
+//! - A *descriptor* ([`Descriptor`]) holds the moments of a texture, by view.
+//! - A *feature set* ([`FeatureSet`]) selects the numbers of a descriptor that a space uses, its *features*.
+//! - *Statistics* ([`Statistics`]) are sums over the textures of a store; they are exact, additive and removable.
+//! - A *definition* ([`Definition`]) names the feature set of a space and how features become points.
+//! - A *space* ([`Space`]) is a definition fitted on statistics. It maps features to *points*.
+//! - A *prior* ([`Prior`]) holds statistics of textures in general, for stores with few textures.
 //!
 //! | space | features | point | distance |
 //! |---|---|---|---|
-//! | `paper` | 251 moments of `full@1` | `moment * 255^cells`: the sums per window, the paper's histogram | L1 |
-//! | `zscore` | 251 moments of `full@1` | `(x - mean) / sd`: the plain reading of the paper with normalised features | L2 |
-//! | `oriented` | 251 degree roots of `stretch@1` | likeness, nuisance weight 0, 32 coordinates | L2 |
-//! | `default` | 35 pooled roots of each of seven views | likeness, nuisance weight 0.5, 32 coordinates | L2 |
-//! | `invariant` | the same 245 | likeness, nuisance weight 1, 32 coordinates | L2 |
+//! | `paper` | 251 moments of `full@1` | the paper's histogram: the sums per window, `moment * 255^cells` | L1 |
+//! | `zscore` | 251 moments of `full@1` | the paper's features normalised: `(x - mean) / sd` | L2 |
+//! | `oriented` | 251 degree roots of `stretch@1` | likeness, nuisance weight 0, 32 dimensions | L2 |
+//! | `default` | 35 pooled features of each of 7 views | likeness, nuisance weight 0.5, 32 dimensions | L2 |
+//! | `invariant` | the same 245 | likeness, nuisance weight 1, 32 dimensions | L2 |
 //!
-//! *Likeness* needs no label. With `z = (x - mean) / sd`, `T` the scatter of `z` over textures, `O` that of a
-//! texture's own octants about their mean, `N` that of a texture and its copies under nuisances (brightness, contrast,
-//! gamma, noise, turns), and `w` the nuisance weight:
+//! A *likeness* space is fitted without labels. Let `z = (x - mean) / sd`; let `T` be the scatter of `z` over textures,
+//! `O` that of the octants of a texture about their mean, `N` that of a texture and its copies under nuisances
+//! (brightness, contrast, gamma, noise, turns), and `w` the nuisance weight. Then
 //!
 //! ```text
 //! V  = eigenvectors of T / sqrt(eigenvalue), at most 128, eigenvalue > 1e-10 of the largest
@@ -23,17 +25,18 @@
 //! point = z V Q[:, :P] / sqrt(L[:P] + 0.02), scaled to unit length
 //! ```
 //!
-//! In words: directions that vary much between textures and little within one. Before the scaling to unit length the
-//! coordinates are uncorrelated over `T` and ordered by falling variance, since their variances are `1 / (L + 0.02)`.
+//! The axes are the directions that vary much between textures and little within one. Before points are scaled to unit
+//! length, coordinates are uncorrelated over `T` and ordered by falling variance, `1 / (L + 0.02)`.
 //!
-//! Invariants: no feature, statistic or point is ever NaN or infinite; the same statistics give the same space, and the
-//! same features the same point, to the bit, on every machine (no fused or reassociated arithmetic, no run-time choice
-//! of instructions, square and cube roots of our own or exactly rounded ones).
-//!
-//! Imports [`crate::hlac`] and [`crate::volume`], and the metric that stands on the ground. When not to use it: to find neighbours, which is the index's work.
+//! Invariants: features, statistics and points are always finite. The same statistics give the same space, and the same
+//! features the same point, to the bit, on every machine: arithmetic is neither fused nor reassociated, instructions
+//! are not chosen at run time, and square and cube roots are correctly rounded or computed here.
 
-mod bytes;
+mod codec;
+mod contribution;
 mod definition;
+mod degree_roots;
+mod descriptor;
 mod error;
 mod explain;
 mod feature_set;
@@ -43,16 +46,19 @@ mod fitted;
 mod fixtures;
 pub(crate) mod linalg;
 mod metric;
+mod nuisance;
 pub mod prior;
-mod roots;
 mod scatter;
 mod statistics;
 
+pub use contribution::Contribution;
 pub use definition::{Definition, MAX_DIMS, SpaceKind};
+pub use descriptor::Descriptor;
 pub use error::SpaceError;
 pub use explain::{Explanation, OrbitShare};
 pub use feature_set::{Feature, FeatureForm, FeaturePart, FeatureSet, Features};
 pub use fitted::{Drift, Space, SpaceAxis};
 pub use metric::{Metric, UnknownMetric};
+pub use nuisance::NuisanceStatistics;
 pub use prior::Prior;
-pub use statistics::{Contribution, NuisanceStatistics, Statistics};
+pub use statistics::Statistics;

@@ -1,15 +1,14 @@
-//! What is known about textures before a store has any.
+//! [`Prior`]: statistics of textures in general, for stores with few textures of their own.
 //!
-//! A prior is fitted on a large set of synthetic textures and copies of them under nuisances ([`Observations`]) and
-//! shipped with the program ([`Prior::shipped`]); `cargo run --release --example fit_prior` makes the shipped one anew.
-//! It has what likeness spaces need: mean, `T`, `O` and `N` of the pooled features of `full@1` and the seven views of
-//! likeness (and so of any part of these eight: a store of imported `full@1` alone has its prior too), and mean, `T` and
-//! `O` of the degree roots of `stretch@1`. Other feature sets have no prior: their spaces are fitted on the store's own
-//! statistics alone.
+//! The prior is fitted on a large set of synthetic textures and of copies of them under nuisances ([`Observations`]) and
+//! is part of the program ([`Prior::shipped`]); `cargo run --release --example fit_prior` computes it again. It contains
+//! what the fit of a likeness space needs (see [`crate::space`]): mean, `T`, `O` and `N` of the pooled features of the
+//! eight views `View::STANDARD`, hence of any subset of these views, and mean, `T` and `O` of the degree roots of
+//! `stretch@1`. Spaces of other feature sets are fitted on the store's own statistics alone.
 //!
-//! In a likeness fit the prior counts as [`WEIGHT`] textures, and its octants as theirs. The weight was chosen on
-//! `datasets/families.toml` by `examples/quality.rs`, with each query's family left out of the prior and of the store's
-//! statistics (mean average precision of `default`, then of `invariant`; 880 textures of 44 families):
+//! In a fit the prior counts as [`WEIGHT`] textures with their octants. The weight was chosen on
+//! `datasets/families.toml` (880 textures of 44 families) by `examples/quality.rs`, with the family of each query left
+//! out of the prior and of the store's statistics. Mean average precision of `default`, then of `invariant`:
 //!
 //! | fitted on | clean | all nuisances | nuisance query, clean store |
 //! |---|---|---|---|
@@ -20,29 +19,29 @@
 //! | **prior as 300, own** | .984 .981 | .918 .924 | .895 .904 |
 //! | own alone (nuisances of the prior) | .979 .977 | .914 .918 | .879 .891 |
 //!
-//! 300 leaves a small store to the prior (a store of 30 counts a tenth), and gives a large one nearly all that its own
-//! statistics have.
+//! With 300, the prior determines the space of a small store (30 textures count for a tenth), and a large store gets
+//! nearly the full gain of its own statistics.
 //!
 //! # Bytes
 //!
-//! Covariances would lose their small directions in few bits; their square roots do not. With `z` the features by their
-//! standard deviation, the pooled ones are kept as the upper triangles of the symmetric roots `T^1/2`, `O^1/2`,
-//! `N^1/2` of `z` (row after row, each from the diagonal on). The oriented ones are averaged over the 48 symmetries of
-//! the cube, as no prior should prefer a direction: what is left is one number for each orbit of masks, or of pairs of
-//! masks (numbered by their first pair, row after row of the upper triangle).
+//! Covariances are stored as square roots, which keep their small directions in fewer bits. Let `z` be the pooled
+//! features divided by their standard deviations: the bytes hold the upper triangles of the symmetric square roots of
+//! `T`, `O` and `N` of `z` (row by row, each row from the diagonal on). The degree roots are averaged over the 48
+//! symmetries of the cube, because a prior must not prefer a direction: one number is left for each orbit of masks, or of
+//! pairs of masks (numbered by their first pair, row by row of the upper triangle).
 //!
 //! ```text
 //! textures   u64
-//! pairs      u64          textures with a copy
+//! pairs      u64          pairs of a texture and a copy
 //! mean       f64 list     280
 //! sd         f64 list     280
-//! T, O, N    step f64, a power of two, and whole numbers of steps, packed (24 bits each): 280 * 281 / 2 each
-//! oriented: mean f64 list (18), T f64 list, O f64 list (one each for an orbit of pairs)
+//! T, O, N    each: the step (f64, a power of two) and 280 * 281 / 2 multiples of it, packed (24 bits each)
+//! oriented: mean f64 list (18), T f64 list, O f64 list (one number for each orbit of pairs)
 //! ```
 
 use std::sync::{Arc, LazyLock, OnceLock};
 
-use super::bytes::{Header, Reader, Writer};
+use super::codec::{Header, Reader, Writer};
 use super::fit::{Model, inverse_deviation};
 use super::linalg::{Eigen, Matrix};
 use super::scatter::Scatter;
@@ -53,23 +52,23 @@ use crate::volume::Volume;
 
 const PRIOR: Header = Header { what: "prior", magic: *b"hPri", version: 2 };
 
-/// How many textures the shipped prior counts as.
+/// The number of textures that the shipped prior counts as.
 pub const WEIGHT: f64 = 300.0;
 
-/// What is known about textures in general, and how many textures that counts as.
+/// Statistics of textures in general, and the number of textures that they count as.
 #[derive(Clone, Debug)]
 pub struct Prior {
     weight: f64,
     known: Option<Arc<Known>>,
 }
 
-/// The content of a prior, and the models made of it when first asked for.
+/// The content of a prior, and the models that are computed from it on first use.
 #[derive(Debug)]
 struct Known {
     textures: u64,
     mean: Vec<f64>,
     deviations: Vec<f64>,
-    /// The triangles of the roots of T, O and N.
+    /// The upper triangles of the square roots of T, O and N.
     roots: [Vec<f64>; 3],
     oriented_mean: Vec<f64>,
     oriented: [Vec<f64>; 2],
@@ -78,39 +77,40 @@ struct Known {
 }
 
 impl Prior {
-    /// Nothing is known: a fit looks at the store's own statistics only.
+    /// No prior: a fit uses the store's statistics only.
     pub fn none() -> Self {
         Self { weight: 0.0, known: None }
     }
 
-    /// The prior that comes with the program, which counts as [`WEIGHT`] textures.
+    /// The prior that is part of the program. It counts as [`WEIGHT`] textures.
     pub fn shipped() -> Self {
         static SHIPPED: LazyLock<Prior> =
             LazyLock::new(|| Prior::decode(include_bytes!("prior.bin")).unwrap_or_else(|_| Prior::none()));
         SHIPPED.clone()
     }
 
-    /// The same, counting as so many textures; a weight that is negative or not finite counts as 0.
+    /// The same prior with another weight: the number of textures it counts as. A weight that is negative or not finite
+    /// means 0.
     pub fn with_weight(self, weight: f64) -> Self {
         Self { weight: if weight.is_finite() { weight.max(0.0) } else { 0.0 }, ..self }
     }
 
-    /// How many textures it counts as.
+    /// The number of textures that it counts as.
     pub fn weight(&self) -> f64 {
         self.weight
     }
 
-    /// How many textures it was fitted on; 0 where nothing is known.
+    /// The number of textures that it was fitted on; 0 for [`Prior::none`].
     pub fn textures(&self) -> u64 {
         self.known.as_ref().map_or(0, |known| known.textures)
     }
 
-    /// Whether something is known about the features of a feature set.
-    pub fn knows(&self, feature_set: &FeatureSet) -> bool {
+    /// Whether the prior covers the features of a feature set.
+    pub fn covers(&self, feature_set: &FeatureSet) -> bool {
         self.known.is_some() && (*feature_set == FeatureSet::oriented() || selection(feature_set).is_some())
     }
 
-    /// What is known about the features of a feature set.
+    /// The model of the features of a feature set; `None` if the prior does not cover them.
     pub(super) fn model(&self, feature_set: &FeatureSet) -> Option<Model> {
         let known = self.known.as_ref()?;
         if *feature_set == FeatureSet::oriented() {
@@ -120,7 +120,7 @@ impl Prior {
         Some(known.pooled_model.get_or_init(|| known.pooled()).select(&selection))
     }
 
-    /// The prior that [`Observations::encode`] wrote, which counts as [`WEIGHT`] textures.
+    /// Reads what [`Observations::encode`] wrote: a prior that counts as [`WEIGHT`] textures.
     ///
     /// # Errors
     /// [`SpaceError::Damaged`], [`SpaceError::Version`].
@@ -146,7 +146,7 @@ impl Prior {
     }
 }
 
-/// Where the features of a feature set are among those of [`FeatureSet::stored`].
+/// The indices of the features of a feature set among those of [`FeatureSet::stored`].
 fn selection(feature_set: &FeatureSet) -> Option<Vec<usize>> {
     let all = FeatureSet::stored();
     let width = FeatureForm::Pooled.per_view();
@@ -171,7 +171,7 @@ impl Known {
                 }
             }
             let square = full.times(&full);
-            // From one triangle: the two halves of a product may differ in a last bit.
+            // From one triangle, since the two halves of the product may differ in the last bit.
             Matrix::from_fn(dims, dims, |i, j| square[(i.min(j), i.max(j))] * self.deviations[i] * self.deviations[j])
         };
         let [between, within, nuisance] = self.roots.each_ref().map(covariance);
@@ -188,7 +188,7 @@ impl Known {
 
 /// The orbits of unordered pairs of masks under the symmetries of the cube.
 struct PairOrbits {
-    /// The orbit of each pair: the upper triangle, row after row.
+    /// The orbit of each pair: the upper triangle, row by row.
     orbit_of: Vec<u32>,
     count: usize,
 }
@@ -214,7 +214,7 @@ impl PairOrbits {
         (0..MASK_COUNT).flat_map(|i| (i..MASK_COUNT).map(move |j| [i, j]))
     }
 
-    /// Where a pair is in the upper triangle.
+    /// The index of a pair in the upper triangle.
     fn place(i: usize, j: usize) -> usize {
         let (i, j) = (i.min(j), i.max(j));
         i * MASK_COUNT - i * (i + 1) / 2 + j
@@ -231,13 +231,13 @@ impl PairOrbits {
         sums.into_iter().map(|(sum, count)| sum / count).collect()
     }
 
-    /// The matrix that has an orbit's value at all its pairs.
+    /// The matrix whose elements are the values of their orbits.
     fn spread(&self, values: &[f64]) -> Matrix {
         Matrix::from_fn(MASK_COUNT, MASK_COUNT, |i, j| values[self.orbit_of[Self::place(i, j)] as usize])
     }
 }
 
-/// What is gathered from textures to make a prior of. Additive and exact: gather in parts, in any order, and merge.
+/// The statistics that a prior is made of. Additive and exact: parts can be collected in any order and merged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Observations {
     pooled: Statistics,
@@ -256,32 +256,32 @@ impl Default for Observations {
 }
 
 impl Observations {
-    /// Adds a texture and copies of it under nuisances, turns among them. One that is too small for all eight views is
-    /// not counted.
+    /// Adds a texture and copies of it under nuisances, including turns. A texture or copy that is too small for one of
+    /// the eight views is not counted.
     ///
     /// # Errors
-    /// None that volumes can give.
+    /// None for any volume.
     pub fn add(&mut self, texture: &Volume, copies: &[Volume]) -> Result<(), SpaceError> {
         let feature_set = FeatureSet::stored();
         let described = crate::describe(texture, feature_set.views());
-        let oriented = Contribution::of_sums(&FeatureSet::oriented(), &described)?;
-        let (Some(pooled), Some(oriented)) = (Contribution::of_sums(&feature_set, &described)?, oriented) else {
+        let oriented = Contribution::from_sums(&FeatureSet::oriented(), &described)?;
+        let (Some(pooled), Some(oriented)) = (Contribution::from_sums(&feature_set, &described)?, oriented) else {
             return Ok(());
         };
         self.pooled.add(&pooled)?;
         self.oriented.add(&oriented)?;
         for copy in copies {
-            if let Some(copy) = Contribution::of_sums(&feature_set, &crate::describe(copy, feature_set.views()))? {
+            if let Some(copy) = Contribution::from_sums(&feature_set, &crate::describe(copy, feature_set.views()))? {
                 self.nuisance.add(&pooled, &copy)?;
             }
         }
         Ok(())
     }
 
-    /// Adds what other textures gave.
+    /// Adds the textures of `other`.
     ///
     /// # Errors
-    /// None: the feature sets are the same.
+    /// None: all observations have the same feature sets.
     pub fn merge(&mut self, other: &Self) -> Result<(), SpaceError> {
         self.pooled.merge(&other.pooled)?;
         self.nuisance.merge(&other.nuisance)?;
@@ -320,10 +320,10 @@ impl Observations {
     }
 }
 
-/// So many steps hold the largest number of a list: 24 bits with the sign.
+/// The number of steps of the largest number of a list stays below this: 24 bits with the sign.
 const STEPS: f64 = 8_388_608.0;
 
-/// Writes a list as whole numbers of one step, which is a power of two.
+/// Writes a list as multiples of one step, a power of two.
 fn write_steps(writer: &mut Writer, values: &[f64]) {
     let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
     let mut step = 1.0 / STEPS;

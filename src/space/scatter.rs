@@ -1,20 +1,24 @@
-//! Exact sums of outer products, kept as the upper triangle.
+//! [`Scatter`]: exact sums of outer products.
 
 use std::ops::{AddAssign, SubAssign};
 
-/// `sum of v v'` over integer vectors `v`: the upper triangle, row after row, each from the diagonal on.
+use super::SpaceError;
+use super::codec::Reader;
+use super::linalg::Matrix;
+
+/// The sum of `v v'` over integer vectors `v`: its upper triangle, row by row, each row from the diagonal on.
 ///
-/// A quantised feature is at most 2^40, a product 2^80: an `i128` holds the sum over 2^40 textures and more.
+/// A quantised feature is at most 2^40 and a product 2^80, so an `i128` holds the sum over more than 2^40 textures.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Scatter {
     dims: usize,
     values: Vec<i128>,
 }
 
-/// Vectors whose outer products are added up together.
-const TOGETHER: usize = 8;
+/// Vectors whose outer products are added in one pass.
+const BATCH: usize = 8;
 
-/// Whether something comes or goes.
+/// Whether something is added or removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sign {
     Add,
@@ -26,21 +30,22 @@ impl Scatter {
         Self { dims, values: vec![0; Self::length(dims)] }
     }
 
-    /// Of values as [`Scatter::values`] gives them; `None` where they are not the triangle of `dims`.
-    pub(super) fn from_values(dims: usize, values: Vec<i128>) -> Option<Self> {
-        (values.len() == Self::length(dims)).then_some(Self { dims, values })
+    /// Reads the packed values of a triangle of `dims` rows.
+    pub(super) fn read(reader: &mut Reader<'_>, dims: usize) -> Result<Self, SpaceError> {
+        Ok(Self { dims, values: reader.packed(Self::length(dims))? })
     }
 
-    /// How many values the triangle of `dims` has.
+    /// The number of values in the triangle of `dims` rows.
     pub(super) fn length(dims: usize) -> usize {
         dims * (dims + 1) / 2
     }
 
+    /// The values of the triangle, row by row.
     pub(super) fn values(&self) -> &[i128] {
         &self.values
     }
 
-    /// The rows, each from the diagonal on.
+    /// The rows of the triangle, each from the diagonal on.
     pub(super) fn rows(&self) -> impl Iterator<Item = &[i128]> {
         let mut rest = self.values.as_slice();
         (0..self.dims).map(move |row| {
@@ -50,12 +55,25 @@ impl Scatter {
         })
     }
 
+    /// The full symmetric matrix whose elements are `value(sum, row, column)`.
+    pub(super) fn to_matrix(&self, value: impl Fn(i128, usize, usize) -> f64) -> Matrix {
+        let mut matrix = Matrix::zero(self.dims, self.dims);
+        for (row, sums) in self.rows().enumerate() {
+            for (at, &sum) in sums.iter().enumerate() {
+                let value = value(sum, row, row + at);
+                matrix[(row, row + at)] = value;
+                matrix[(row + at, row)] = value;
+            }
+        }
+        matrix
+    }
+
     /// Adds or removes the outer product of one vector.
     pub(super) fn outer(&mut self, vector: &[i64], sign: Sign) {
         let mut values = self.values.iter_mut();
         for (row, &a) in vector.iter().enumerate() {
             let a = i128::from(if sign == Sign::Add { a } else { -a });
-            // The shorter of the two ends the loop: the row of the triangle.
+            // Ends with the row of the triangle.
             for (&b, value) in vector[row..].iter().zip(&mut values) {
                 *value += a * i128::from(b);
             }
@@ -64,17 +82,17 @@ impl Scatter {
 
     /// Adds the outer products of many vectors.
     ///
-    /// Eight at a time: their products are added up in registers, and the sums, half a megabyte of them for moments, are
-    /// read and written once for eight vectors instead of for each. The sums are the same: they are integers.
+    /// Eight at a time: their products are added in registers, and the sums (half a megabyte for moments) are read and
+    /// written once for eight vectors. The result is the same, since the sums are integers.
     pub(super) fn outer_all<'a>(&mut self, vectors: impl IntoIterator<Item = &'a [i64]>) {
-        let mut columns = vec![[0_i64; TOGETHER]; self.dims];
+        let mut columns = vec![[0_i64; BATCH]; self.dims];
         let mut filled = 0;
         for vector in vectors {
             for (column, &value) in columns.iter_mut().zip(vector) {
                 column[filled] = value;
             }
             filled += 1;
-            if filled == TOGETHER {
+            if filled == BATCH {
                 self.add_columns(&columns);
                 filled = 0;
             }
@@ -85,7 +103,7 @@ impl Scatter {
         }
     }
 
-    fn add_columns(&mut self, columns: &[[i64; TOGETHER]]) {
+    fn add_columns(&mut self, columns: &[[i64; BATCH]]) {
         let mut values = self.values.iter_mut();
         for (row, a) in columns.iter().enumerate() {
             for (b, value) in columns[row..].iter().zip(&mut values) {
@@ -94,8 +112,8 @@ impl Scatter {
         }
     }
 
-    /// Adds or removes eight times the scatter of eight vectors about their mean, `8 sum q q' - s s'` with `s` their
-    /// sum: exact, since nothing is divided.
+    /// Adds or removes eight times the scatter of eight vectors `q` about their mean: `8 sum q q' - s s'`, where `s` is
+    /// their sum. Exact, since nothing is divided.
     pub(super) fn octants(&mut self, vectors: &[[i64; 8]], sign: Sign) {
         let sums: Vec<i64> = vectors.iter().map(|octants| octants.iter().sum()).collect();
         let mut values = self.values.iter_mut();

@@ -59,16 +59,17 @@ fn a_space_of_ones_own_answers_like_the_others_and_outlives_the_process() {
 fn spaces_that_cannot_be_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let database = OpenOptions::new().views(&[View::Full, View::LIKENESS[0]]).open(folder.path().join("s")).unwrap();
-    let named = |name: &str| Definition { name: name.into(), ..fine() };
+    let named = |name: &str| {
+        let mut definition = fine();
+        definition.name = name.into();
+        definition
+    };
     assert!(matches!(database.add_space(&named("default"), &()), Err(Error::SpaceExists { .. })));
     assert!(matches!(database.add_space(&named("a b"), &()), Err(Error::Space(_))));
     let refused = database.add_space(&named("fine"), &()).unwrap_err();
     assert!(matches!(&refused, Error::MissingViews { needs, .. } if needs.len() == 1), "{refused}");
-    let histogram = Definition {
-        name: "hist".into(),
-        feature_set: FeatureSet::new(FeatureForm::Moments, &[View::Full]).unwrap(),
-        kind: SpaceKind::Intersection,
-    };
+    let moments = FeatureSet::new(FeatureForm::Moments, &[View::Full]).unwrap();
+    let histogram = Definition::new("hist", moments, SpaceKind::Intersection).unwrap();
     database.add_space(&histogram, &()).unwrap();
     assert!(matches!(database.add_space(&histogram, &()), Err(Error::SpaceExists { .. })));
     let names: Vec<String> = database.spaces().unwrap().into_iter().map(|space| space.name().to_owned()).collect();

@@ -173,8 +173,8 @@ fn views_side_by_side_are_imported_by_name() {
     let array = folder.path().join("rows.npy");
     arrays::write_npy(&array, &[6, 2 * MASK_COUNT], rows.as_flattened()).unwrap();
     assert_eq!(database.import(&array, &views, None, &BTreeMap::new(), &()).unwrap().added, 6);
-    let kept = database.moments(3).unwrap();
-    assert_eq!(kept, [(View::Full, rows[5]), (View::Detail, rows[4])]);
+    let stored = database.descriptor(3).unwrap();
+    assert_eq!(stored.iter().collect::<Vec<_>>(), [(View::Full, &rows[5]), (View::Detail, &rows[4])]);
     assert_eq!(database.space_names().unwrap(), ["paper", "zscore", "default", "invariant"]);
     assert_eq!(database.query(&Query::texture(3).k(1)).unwrap().hits[0].id, 3);
     let one = database.import(&array, &[View::Full], None, &BTreeMap::new(), &());

@@ -3,16 +3,14 @@
 use std::fs::File;
 
 use hlacdb::hlac::{MASK_COUNT, View};
-use hlacdb::space::{Contribution, Definition, FeatureSet, Features, Prior, Space, Statistics};
+use hlacdb::space::{Contribution, Definition, Descriptor, FeatureSet, Features, Prior, Space, Statistics};
 use hlacdb::synth::{self, Nuisance};
 use hlacdb::volume::Volume;
 
 use hlacdb_testing::data;
 
 fn features(recipe: &FeatureSet, volume: &Volume) -> Features {
-    let described = hlacdb::describe(volume, recipe.views());
-    let moments: Vec<_> = described.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect();
-    recipe.features(|view| moments.iter().find(|(other, _)| *other == view).map(|(_, moments)| moments)).unwrap()
+    recipe.features(&Descriptor::from_sums(&hlacdb::describe(volume, recipe.views())).unwrap())
 }
 
 /// The default space of a store without textures: the prior's.
@@ -81,10 +79,12 @@ fn real_moments_have_the_statistics_of_the_textbook() {
     let array = npyz::NpyFile::new(File::open(path).unwrap()).unwrap();
     let rows: Vec<f32> = array.data::<f32>().unwrap().take(1500 * MASK_COUNT).map(Result::unwrap).collect();
     let (rows, _) = rows.as_chunks::<MASK_COUNT>();
+    let descriptors: Vec<Descriptor> =
+        rows.iter().map(|row| Descriptor::from_moments([(View::Full, *row)]).unwrap()).collect();
     let recipe = FeatureSet::plain();
     let mut statistics = Statistics::new(&recipe);
-    for row in rows {
-        statistics.add(&Contribution::of_moments(&recipe, |_| Some(row)).unwrap().unwrap()).unwrap();
+    for descriptor in &descriptors {
+        statistics.add(&Contribution::from_descriptor(&recipe, descriptor).unwrap()).unwrap();
     }
     let n = rows.len() as f64;
     for feature in [0, 1, 13, 14, 250] {
@@ -96,6 +96,6 @@ fn real_moments_have_the_statistics_of_the_textbook() {
     }
     let definition = Definition::built_in("zscore").unwrap();
     let space = Space::fit(&definition, &statistics, None, &Prior::none()).unwrap();
-    let points = space.points(rows.len(), |row, view| (view == View::Full).then(|| &rows[row])).unwrap();
+    let points = space.points(&descriptors);
     assert!(points.iter().all(|coordinate| coordinate.is_finite()));
 }

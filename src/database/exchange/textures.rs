@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::arrays;
 use crate::database::handle::Database;
-use crate::database::points::descriptors::moments;
+use crate::database::points::descriptors::descriptor;
 use crate::database::scheme::Scheme;
 use crate::database::texture::Meta;
 use crate::database::write::Added;
@@ -22,6 +22,7 @@ use crate::database::write::prepare::Prepared;
 use crate::error::Error;
 use crate::hlac::{MASK_COUNT, Sums};
 use crate::progress::Progress;
+use crate::space::Descriptor;
 use crate::store::{Content, Cut, NewTexture, Provenance, Reads, Record, Snapshot, StoreError, ViewCode, Volumes};
 use crate::volume::display_path;
 
@@ -261,11 +262,11 @@ fn to_line(value: &impl Serialize) -> Result<Vec<u8>, Error> {
 fn line_of(snapshot: &Snapshot, id: u64) -> Result<Option<Line>, Error> {
     let Some(record) = snapshot.record(id)? else { return Ok(None) };
     let keeps = record.voxels.is_some();
-    let (mut kept, mut sums) = (Vec::new(), None);
+    let (mut moments, mut sums) = (Descriptor::default(), None);
     if keeps {
         snapshot.check_voxels(id)?;
     } else {
-        kept = moments(snapshot, id)?;
+        moments = descriptor(snapshot, id)?;
         sums = snapshot.sums(id)?.map(|sums| (sums.windows, sums.values.to_vec()));
     }
     let Record { name, path, content, provenance, cut, tags, .. } = record;
@@ -289,8 +290,8 @@ fn line_of(snapshot: &Snapshot, id: u64) -> Result<Option<Line>, Error> {
         cut,
         content,
         voxels: keeps.then(|| array_name("voxels", id)),
-        moments: (!keeps && !kept.is_empty()).then(|| array_name("moments", id)),
-        views: kept.iter().map(|(view, _)| view.name().to_owned()).collect(),
+        moments: (!keeps && !moments.is_empty()).then(|| array_name("moments", id)),
+        views: moments.views().map(|view| view.name().to_owned()).collect(),
         sums,
     }))
 }
@@ -303,10 +304,10 @@ fn write_arrays(snapshot: &Snapshot, id: u64, sink: &mut Sink<'_>, target: &Path
         sink.put(&array_name("voxels", id), bytes.len() as u64, &mut &bytes[..]).map_err(failed)?;
         return Ok(true);
     }
-    let kept = moments(snapshot, id)?;
-    if !kept.is_empty() {
-        let rows: Vec<f32> = kept.iter().flat_map(|(_, row)| *row).collect();
-        let bytes = arrays::to_npy(&[kept.len(), MASK_COUNT], &rows).map_err(failed)?;
+    let descriptor = descriptor(snapshot, id)?;
+    if !descriptor.is_empty() {
+        let rows: Vec<f32> = descriptor.iter().flat_map(|(_, moments)| *moments).collect();
+        let bytes = arrays::to_npy(&[descriptor.len(), MASK_COUNT], &rows).map_err(failed)?;
         sink.put(&array_name("moments", id), bytes.len() as u64, &mut &bytes[..]).map_err(failed)?;
     }
     Ok(false)

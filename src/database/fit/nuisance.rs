@@ -120,7 +120,7 @@ fn family(
     views.dedup();
     let parts = |volume: &Volume| -> Result<Vec<Contribution>, Error> {
         let described = crate::describe(volume, &views);
-        let parts = recipes.iter().filter_map(|recipe| Contribution::of_sums(recipe, &described).transpose());
+        let parts = recipes.iter().filter_map(|recipe| Contribution::from_sums(recipe, &described).transpose());
         Ok(parts.collect::<Result<_, _>>()?)
     };
     let copy = |at: u64| parts(&nuisance.draw(id * MOST_COPIES as u64 + at).apply(volume));

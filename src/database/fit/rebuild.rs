@@ -4,13 +4,13 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
-use crate::database::points::contributions::{contributions, contributions_of_moments, with_full};
+use crate::database::points::contributions::{contributions, contributions_of_moments, full_sums, with_full};
 use crate::database::points::statistics_cache::StatisticsCache;
 use crate::database::scheme::Scheme;
 use crate::error::Error;
 use crate::hlac::{MASK_COUNT, Sums, View};
 use crate::progress::Progress;
-use crate::space::{Contribution, Statistics};
+use crate::space::{Contribution, Descriptor, Statistics};
 use crate::store::{Reads, StoreError, Transaction, ViewCode};
 use crate::volume::Volume;
 
@@ -40,14 +40,10 @@ struct Recomputed {
 
 impl Recomputed {
     fn of(volume: &Volume, views: &Scheme) -> Result<Self, Error> {
-        let texture = crate::describe(volume, &with_full(views.views()));
-        let total = |view: &View| texture.iter().find(|(v, _)| v == view).map(|(_, octants)| octants.total());
-        let moments = views
-            .views()
-            .iter()
-            .map(|view| (ViewCode(view.code()), total(view).map(|sums| sums.descriptor())))
-            .collect();
-        Ok(Self { sums: total(&View::Full), moments, parts: contributions(&texture, views)? })
+        let described = crate::describe(volume, &with_full(views.views()));
+        let descriptor = Descriptor::from_sums(&described)?;
+        let moments = views.views().iter().map(|&view| (ViewCode(view.code()), descriptor.get(view).copied()));
+        Ok(Self { sums: full_sums(&described), moments: moments.collect(), parts: contributions(&described, views)? })
     }
 
     fn write(&self, transaction: &mut Transaction, id: u64) -> Result<(), Error> {

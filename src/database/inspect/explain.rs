@@ -3,11 +3,10 @@
 use serde::Serialize;
 
 use crate::database::handle::Database;
-use crate::database::points::descriptors::known_moments;
+use crate::database::points::descriptors::known_descriptor;
 use crate::database::scheme::{DEFAULT_SPACE, Scheme};
 use crate::error::Error;
-use crate::hlac::{MASK_COUNT, View};
-use crate::space::{Explanation, Features, Space};
+use crate::space::{Descriptor, Explanation, Features, Space};
 use crate::store::Reads;
 use crate::volume::Volume;
 
@@ -43,27 +42,25 @@ impl Database {
         Ok(PairExplanation { a, b, space: name.to_owned(), epoch: space.epoch(), explanation })
     }
 
-    /// The moments of a volume that need not be in the store, in every view that the store keeps and the volume is large
-    /// enough for: what [`crate::Query::moments`] asks with, made once for many questions.
+    /// The descriptor of a volume that need not be in the store, in every view that the store keeps and the volume is
+    /// large enough for: an example for [`crate::Query::descriptor`], computed once for many queries.
     ///
     /// # Errors
     /// [`Error::Store`].
-    pub fn describe(&self, volume: &Volume) -> Result<Vec<(View, [f32; MASK_COUNT])>, Error> {
+    pub fn describe(&self, volume: &Volume) -> Result<Descriptor, Error> {
         let scheme = Scheme::of(&self.store().read()?);
-        let described = crate::describe(volume, scheme.views());
-        Ok(described.iter().map(|(view, octants)| (*view, octants.total().descriptor())).collect())
+        Ok(Descriptor::from_sums(&crate::describe(volume, scheme.views()))?)
     }
 }
 
 /// What the space looks at of a texture.
 fn features(state: &impl Reads, space: &Space, id: u64) -> Result<Features, Error> {
-    let moments = known_moments(state, id)?;
-    let of = |view: View| moments.iter().find(|(other, _)| *other == view).map(|(_, row)| row);
-    if space.feature_set().views().iter().all(|&view| of(view).is_none()) {
+    let descriptor = known_descriptor(state, id)?;
+    if !descriptor.overlaps(space.feature_set()) {
         let needs = space.feature_set().views().iter().map(|view| view.name().to_owned()).collect();
         return Err(Error::MissingViews { space: space.name().to_owned(), needs, what: format!("texture {id}") });
     }
-    Ok(space.feature_set().features(of)?)
+    Ok(space.feature_set().features(&descriptor))
 }
 
 #[cfg(test)]
@@ -98,7 +95,7 @@ mod tests {
             database.add(&volume(step), Meta::named(format!("{step}"))).unwrap();
         }
         let example = volume(9);
-        let by_moments = database.query(&Query::moments(database.describe(&example).unwrap())).unwrap();
-        assert_eq!(by_moments.hits, database.query(&Query::volume(&example)).unwrap().hits);
+        let by_descriptor = database.query(&Query::descriptor(database.describe(&example).unwrap())).unwrap();
+        assert_eq!(by_descriptor.hits, database.query(&Query::volume(&example)).unwrap().hits);
     }
 }

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use crate::database::handle::Database;
-use crate::database::points::descriptors::{known, known_moments};
+use crate::database::points::descriptors::{known, known_descriptor};
 use crate::database::texture::{Texture, tagged_with_all};
 use crate::error::Error;
-use crate::hlac::{MASK_COUNT, Sums, View};
+use crate::hlac::Sums;
+use crate::space::Descriptor;
 use crate::store::{Reads, Record, StoreError};
 use crate::volume::Volume;
 
@@ -53,12 +54,12 @@ impl Database {
         Ok(snapshot.sums(id)?)
     }
 
-    /// The moments of a texture in every view it has.
+    /// The moments of a texture in every view that it has.
     ///
     /// # Errors
     /// As [`Database::volume`].
-    pub fn moments(&self, id: u64) -> Result<Vec<(View, [f32; MASK_COUNT])>, Error> {
-        known_moments(&self.store().read()?, id)
+    pub fn descriptor(&self, id: u64) -> Result<Descriptor, Error> {
+        known_descriptor(&self.store().read()?, id)
     }
 
     /// The value of a tag of every texture that carries it, by id.

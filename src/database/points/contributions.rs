@@ -1,16 +1,16 @@
 //! What a texture adds to the statistics of each feature set.
 
-use super::descriptors::moments;
+use super::descriptors::descriptor;
 use crate::database::scheme::Scheme;
 use crate::error::Error;
-use crate::hlac::{OctantSums, View};
-use crate::space::{Contribution, FeatureSet};
-use crate::store::{DESCRIPTOR_ROWS, NewTexture, Reads, StoreError};
+use crate::hlac::{MASK_COUNT, OctantSums, Sums, View};
+use crate::space::{Contribution, Descriptor, FeatureSet};
+use crate::store::{DESCRIPTOR_ROWS, NewTexture, Reads, StoreError, ViewCode};
 
 /// What a described texture adds to the statistics of a store that keeps `views`.
 pub(crate) fn contributions(described: &[(View, OctantSums)], views: &Scheme) -> Result<Vec<Contribution>, Error> {
     let recipes = views.recipes();
-    let contributions = recipes.iter().filter_map(|recipe| Contribution::of_sums(recipe, described).transpose());
+    let contributions = recipes.iter().filter_map(|recipe| Contribution::from_sums(recipe, described).transpose());
     Ok(contributions.collect::<Result<_, _>>()?)
 }
 
@@ -21,6 +21,11 @@ pub(crate) fn with_full(views: &[View]) -> Vec<View> {
         wanted.push(View::Full);
     }
     wanted
+}
+
+/// The exact sums of `full@1` of a described texture; `None` where that view was not described.
+pub(crate) fn full_sums(described: &[(View, OctantSums)]) -> Option<Sums> {
+    described.iter().find(|(view, _)| *view == View::Full).map(|(_, octants)| octants.total())
 }
 
 /// What a texture adds to the statistics: described anew from its voxels, or, where they are not kept, by its moments.
@@ -40,10 +45,8 @@ pub(crate) fn contributions_of_moments(
     id: u64,
     views: &Scheme,
 ) -> Result<Vec<Contribution>, Error> {
-    let kept = moments(state, id)?;
-    let of = |view: View| kept.iter().find(|(other, _)| *other == view).map(|(_, row)| row);
-    let parts = views.recipes().into_iter().map(|recipe| Contribution::of_moments(&recipe, of));
-    Ok(parts.filter_map(Result::transpose).collect::<Result<_, _>>()?)
+    let descriptor = descriptor(state, id)?;
+    Ok(views.recipes().iter().filter_map(|features| Contribution::from_descriptor(features, &descriptor)).collect())
 }
 
 /// What a texture that comes with moments adds to the statistics of each recipe.
@@ -51,10 +54,9 @@ pub(crate) fn described_contributions(
     texture: &NewTexture,
     recipes: &[FeatureSet],
 ) -> Result<Vec<Contribution>, Error> {
-    let of =
-        |view: View| texture.descriptors.iter().find(|(code, _)| code.0 == view.code()).map(|(_, moments)| moments);
-    let parts = recipes.iter().filter_map(|recipe| Contribution::of_moments(recipe, of).transpose());
-    Ok(parts.collect::<Result<_, _>>()?)
+    let known = |(code, moments): &(ViewCode, [f32; MASK_COUNT])| Some((View::from_code(code.0)?, *moments));
+    let descriptor = Descriptor::from_moments(texture.descriptors.iter().filter_map(known))?;
+    Ok(recipes.iter().filter_map(|features| Contribution::from_descriptor(features, &descriptor)).collect())
 }
 
 /// What every texture adds to the statistics of a recipe, without octants: block by block, so that memory does not grow
@@ -68,8 +70,8 @@ pub(crate) fn contribution_blocks<'a>(
         let moments = crate::database::points::stored::BlockMoments::read(state, recipe, block)?;
         let first = block as usize * DESCRIPTOR_ROWS;
         let live = (first..first + DESCRIPTOR_ROWS).filter(|&row| rows.is_live(row));
-        let parts =
-            live.filter_map(|row| Contribution::of_moments(recipe, |view| moments.row(view, row - first)).transpose());
+        let parts = live
+            .filter_map(|row| Contribution::from_moments(recipe, |view| moments.row(view, row - first)).transpose());
         Ok(parts.collect::<Result<_, _>>()?)
     }))
 }

@@ -235,7 +235,7 @@ impl BlockMoments {
         if recipe.views().iter().all(|&view| self.row(view, row).is_none()) {
             return Ok(None);
         }
-        Ok(Some(space.point(&recipe.features(|view| self.row(view, row))?)?))
+        Ok(Some(space.point(&recipe.features_from(|view| self.row(view, row))?)?))
     }
 }
 

@@ -10,13 +10,12 @@ use super::from_disk;
 use super::source::PointSource;
 use super::{Answer, Combine, Example, HITS, Hit, Query};
 use crate::database::handle::Database;
-use crate::database::points::descriptors::known_moments;
+use crate::database::points::descriptors::known_descriptor;
 use crate::database::quarantine::left_out;
 use crate::database::scheme::DEFAULT_SPACE;
 use crate::error::Error;
-use crate::hlac::{MASK_COUNT, View};
 use crate::index::{IdFilter, KnnQuery, Neighbour};
-use crate::space::Space;
+use crate::space::{Descriptor, Space};
 use crate::store::{Reads, Snapshot, StoreError};
 
 impl Database {
@@ -222,28 +221,26 @@ impl<'a> Execution<'a> {
                 if let Some(point) = kept {
                     return Ok((point, Some(*id)));
                 }
-                let moments = known_moments(&self.snapshot, *id)?;
-                Ok((self.map(&moments, || format!("texture {id}"))?, Some(*id)))
+                let descriptor = known_descriptor(&self.snapshot, *id)?;
+                Ok((self.map(&descriptor, || format!("texture {id}"))?, Some(*id)))
             }
             Example::Volume(volume) => {
                 let described = crate::describe(volume, self.space().feature_set().views());
-                let moments: Vec<_> =
-                    described.iter().map(|(view, octants)| (*view, octants.total().descriptor())).collect();
+                let descriptor = Descriptor::from_sums(&described)?;
                 let own = if query.exclude_self { self.snapshot.find(&volume.content_hash())? } else { None };
-                Ok((self.map(&moments, || "the volume".to_owned())?, own))
+                Ok((self.map(&descriptor, || "the volume".to_owned())?, own))
             }
-            Example::Moments(moments) => Ok((self.map(moments, || "the descriptor".to_owned())?, None)),
+            Example::Descriptor(descriptor) => Ok((self.map(descriptor, || "the descriptor".to_owned())?, None)),
         }
     }
 
-    fn map(&self, moments: &[(View, [f32; MASK_COUNT])], what: impl Fn() -> String) -> Result<Vec<f32>, Error> {
+    fn map(&self, descriptor: &Descriptor, what: impl Fn() -> String) -> Result<Vec<f32>, Error> {
         let space = self.space();
-        let of = |view: View| moments.iter().find(|(other, _)| *other == view).map(|(_, row)| row);
-        if space.feature_set().views().iter().all(|&view| of(view).is_none()) {
+        if !descriptor.overlaps(space.feature_set()) {
             let needs = space.feature_set().views().iter().map(|view| view.name().to_owned()).collect();
             return Err(Error::MissingViews { space: self.name.clone(), needs, what: what() });
         }
-        Ok(space.point(&space.feature_set().features(of)?)?)
+        Ok(space.point(&space.feature_set().features(descriptor))?)
     }
 }
 

@@ -16,8 +16,8 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use crate::hlac::{MASK_COUNT, View};
 use crate::index::Method;
+use crate::space::Descriptor;
 use crate::volume::Volume;
 
 /// What is looked for.
@@ -25,7 +25,7 @@ use crate::volume::Volume;
 enum Example<'a> {
     Volume(&'a Volume),
     Texture(u64),
-    Moments(Vec<(View, [f32; MASK_COUNT])>),
+    Descriptor(Descriptor),
 }
 
 /// What several examples mean together.
@@ -117,9 +117,9 @@ impl<'a> Query<'a> {
         Self::new(vec![Example::Texture(id)])
     }
 
-    /// Textures like a descriptor: the 251 moments of each view that is known.
-    pub fn moments(moments: Vec<(View, [f32; MASK_COUNT])>) -> Self {
-        Self::new(vec![Example::Moments(moments)])
+    /// Textures like a descriptor: the moments of one or more views.
+    pub fn descriptor(descriptor: Descriptor) -> Self {
+        Self::new(vec![Example::Descriptor(descriptor)])
     }
 
     /// Textures like several stored ones, by [`Combine::Mean`] unless said otherwise.

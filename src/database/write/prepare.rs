@@ -1,12 +1,12 @@
 //! From a volume to what a transaction adds: the part of adding that runs on any thread.
 
 use crate::database::handle::Database;
-use crate::database::points::contributions::{contributions, with_full};
+use crate::database::points::contributions::{contributions, full_sums, with_full};
 use crate::database::scheme::Scheme;
 use crate::database::texture::Meta;
 use crate::error::Error;
 use crate::hlac::{MASK_COUNT, View};
-use crate::space::Contribution;
+use crate::space::{Contribution, Descriptor};
 use crate::store::{CompressedVoxels, Content, NewTexture, Reads, ViewCode, Volumes};
 use crate::volume::Volume;
 
@@ -61,10 +61,10 @@ impl Prepared {
     /// With everything that a transaction needs.
     pub(crate) fn described(mut self, volume: &Volume, volumes: Volumes, views: &Scheme) -> Result<Self, Error> {
         let described = crate::describe(volume, &with_full(views.views()));
-        let total = |view: &View| described.iter().find(|(other, _)| other == view).map(|(_, octants)| octants.total());
-        self.texture.sums = total(&View::Full);
-        self.texture.descriptors =
-            views.views().iter().filter_map(|view| Some((ViewCode(view.code()), total(view)?.descriptor()))).collect();
+        let descriptor = Descriptor::from_sums(&described)?;
+        self.texture.sums = full_sums(&described);
+        let moments = |&view: &View| Some((ViewCode(view.code()), *descriptor.get(view)?));
+        self.texture.descriptors = views.views().iter().filter_map(moments).collect();
         self.work = Work::Described(contributions(&described, views)?);
         self.texture.voxels = match volumes {
             Volumes::Keep => Some(CompressedVoxels::new(volume)?),

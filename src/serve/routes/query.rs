@@ -208,8 +208,8 @@ fn by_form(app: &App, intake: &Intake) -> Result<Response, Problem> {
         let path = path.file_name().unwrap_or_default().into();
         Error::from(volume::ReadError { path, error: error.error })
     })?;
-    let moments = app.database.describe(&volume)?;
-    by_upload(app, &asked, &app.uploads.keep(name, volume, moments))
+    let descriptor = app.database.describe(&volume)?;
+    by_upload(app, &asked, &app.uploads.keep(name, volume, descriptor))
 }
 
 fn by_upload(app: &App, asked: &Asked, upload: &Upload) -> Result<Response, Problem> {
@@ -222,7 +222,7 @@ fn by_upload(app: &App, asked: &Asked, upload: &Upload) -> Result<Response, Prob
     // Its moments are known. Which texture has the same content, only the volume tells.
     let query = match asked.exclude_self {
         Some(true) => Query::volume(&upload.volume),
-        _ => Query::moments(upload.moments.clone()),
+        _ => Query::descriptor(upload.descriptor.clone()),
     };
     answered(app, query, asked, false, Some(kept))
 }

@@ -178,17 +178,17 @@ pub(crate) async fn descriptor(
     Query(query): Query<DescriptorQuery>,
 ) -> Result<Response, Problem> {
     app.quick(move |app| {
-        let moments = app.database.moments(id)?;
-        let views: Vec<&str> = moments.iter().map(|(view, _)| view.name()).collect();
+        let descriptor = app.database.descriptor(id)?;
+        let views: Vec<&str> = descriptor.views().map(View::name).collect();
         let wanted = query.view.unwrap_or_else(|| View::Full.name().to_owned());
-        let Some((view, row)) = moments.iter().find(|(view, _)| view.name() == wanted) else {
+        let Some((view, moments)) = descriptor.iter().find(|(view, _)| view.name() == wanted) else {
             let has = if views.is_empty() { "none".to_owned() } else { views.join(", ") };
             let sentence = format!("texture {id} has no view '{}'; it has: {has}", wanted.escape_debug());
             return Err(Problem::not_found(sentence));
         };
-        let sums = if *view == View::Full { app.database.sums(id)? } else { None };
+        let sums = if view == View::Full { app.database.sums(id)? } else { None };
         let sums = sums.map(|sums| sums.values.to_vec());
-        reply::json(&Descriptor { view: view.name(), moments: row.to_vec(), sums, views })
+        reply::json(&Descriptor { view: view.name(), moments: moments.to_vec(), sums, views })
     })
     .await
 }

@@ -16,7 +16,7 @@ fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
 }
 
 #[test]
-fn whatever_the_statistics_points_are_finite_and_of_unit_length() {
+fn points_are_finite_and_of_unit_length_for_any_statistics() {
     let some = textures(6);
     let equal = vec![some[0].clone(); 3];
     for name in Definition::BUILT_IN {
@@ -53,7 +53,7 @@ fn the_papers_points_are_sums_per_window() {
 }
 
 #[test]
-fn the_distance_of_shares_is_one_minus_the_intersection() {
+fn the_intersection_distance_is_one_minus_the_intersection() {
     let textures = textures(2);
     let definition =
         Definition { name: "shares".into(), feature_set: FeatureSet::plain(), kind: SpaceKind::Intersection };
@@ -100,7 +100,7 @@ fn coordinates_are_ordered_by_variance_and_uncorrelated() {
 }
 
 #[test]
-fn axes_say_what_they_are_made_of() {
+fn axes_name_their_views_and_features() {
     let textures = textures(40);
     let space = fitted("default", &textures, &Prior::none());
     let axes = space.axes();
@@ -116,7 +116,7 @@ fn axes_say_what_they_are_made_of() {
 }
 
 #[test]
-fn a_view_that_is_not_there_is_average() {
+fn a_missing_view_counts_as_average() {
     let textures = textures(20);
     let space = fitted("default", &textures, &Prior::none());
     let feature_set = space.feature_set();
@@ -129,27 +129,23 @@ fn a_view_that_is_not_there_is_average() {
     let filled = features.values().iter().enumerate();
     let filled = filled.map(|(at, &x)| Some(if at / per_view == 2 { projection.mean[at] } else { x }));
     assert_eq!(space.raw_point(&features).unwrap(), projection.project(filled));
-    let nothing = feature_set.features(|_| None).unwrap();
+    let nothing = feature_set.features(&Descriptor::default());
     assert_eq!(space.point(&nothing).unwrap(), vec![0.0; 32]);
 }
 
 #[test]
-fn many_points_are_the_same_as_one_by_one() {
+fn points_of_many_textures_equal_those_of_each() {
     let textures = textures(4);
     let space = fitted("default", &textures, &Prior::none());
-    let descriptors: Vec<Vec<_>> = textures
-        .iter()
-        .map(|texture| texture.iter().map(|(view, sums)| (*view, sums.total().descriptor())).collect())
-        .collect();
-    let moments = |row: usize, view: View| descriptors[row].iter().find(|(v, _)| *v == view).map(|(_, m)| m);
-    let many = space.points(4, moments).unwrap();
+    let descriptors: Vec<Descriptor> = textures.iter().map(|texture| Descriptor::from_sums(texture).unwrap()).collect();
+    let many = space.points(&descriptors);
     let single: Vec<f32> =
         textures.iter().flat_map(|texture| space.point(&features(space.feature_set(), texture)).unwrap()).collect();
     assert_eq!(many, single);
 }
 
 #[test]
-fn drift_is_nothing_at_first_and_grows() {
+fn drift_is_zero_at_the_fit_and_grows() {
     let textures = textures(30);
     for name in ["zscore", "oriented", "default"] {
         let space = fitted(name, &textures[..15], &Prior::none());
@@ -167,7 +163,7 @@ fn drift_is_nothing_at_first_and_grows() {
 }
 
 #[test]
-fn a_nuisance_of_ones_own_changes_the_space_only_where_it_weighs() {
+fn own_nuisance_statistics_change_the_space_only_with_a_weight() {
     let textures = textures(30);
     let mut nuisance = NuisanceStatistics::new(&FeatureSet::pooled());
     for (texture, copy) in [(1, 2), (5, 9)] {
@@ -185,7 +181,7 @@ fn a_nuisance_of_ones_own_changes_the_space_only_where_it_weighs() {
 }
 
 #[test]
-fn what_does_not_fit_together_is_refused() {
+fn statistics_of_another_feature_set_are_refused() {
     let definition = Definition::built_in("default").unwrap();
     let plain = Statistics::new(&FeatureSet::plain());
     assert!(matches!(Space::fit(&definition, &plain, None, &Prior::none()), Err(SpaceError::FeatureSet { .. })));

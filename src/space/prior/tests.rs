@@ -16,7 +16,7 @@ fn close(a: &Matrix, b: &Matrix, tolerance: f64) -> bool {
 }
 
 #[test]
-fn a_prior_is_the_statistics_it_was_made_of() {
+fn a_prior_restores_its_statistics() {
     let observations = observations();
     let prior = Prior::decode(&observations.encode()).unwrap();
     assert_eq!((prior.textures(), prior.weight()), (30, WEIGHT));
@@ -32,7 +32,7 @@ fn a_prior_is_the_statistics_it_was_made_of() {
 }
 
 #[test]
-fn the_oriented_part_prefers_no_direction() {
+fn the_oriented_part_has_no_preferred_direction() {
     let observations = observations();
     let model = Prior::decode(&observations.encode()).unwrap().model(&FeatureSet::oriented()).unwrap();
     for symmetry in symmetries() {
@@ -48,23 +48,25 @@ fn the_oriented_part_prefers_no_direction() {
 }
 
 #[test]
-fn other_recipes_have_no_prior() {
+fn other_feature_sets_are_not_covered() {
     let prior = Prior::decode(&observations().encode()).unwrap();
     let of = |form, views: &[hlac::View]| FeatureSet::new(form, views).unwrap();
-    assert!(prior.knows(&of(FeatureForm::Pooled, &hlac::View::LIKENESS[3..5])) && prior.knows(&FeatureSet::oriented()));
-    assert!(prior.knows(&of(FeatureForm::Pooled, &[hlac::View::Full])));
+    assert!(
+        prior.covers(&of(FeatureForm::Pooled, &hlac::View::LIKENESS[3..5])) && prior.covers(&FeatureSet::oriented())
+    );
+    assert!(prior.covers(&of(FeatureForm::Pooled, &[hlac::View::Full])));
     for feature_set in [
         of(FeatureForm::Pooled, &[hlac::View::ALL[8]]),
         of(FeatureForm::Roots, &[hlac::View::Full]),
         FeatureSet::plain(),
     ] {
-        assert!(!prior.knows(&feature_set) && prior.model(&feature_set).is_none());
+        assert!(!prior.covers(&feature_set) && prior.model(&feature_set).is_none());
     }
     assert!(Prior::none().model(&FeatureSet::pooled()).is_none());
 }
 
 #[test]
-fn gathering_in_parts_is_gathering() {
+fn merged_parts_equal_the_whole() {
     let mut parts = [Observations::default(), Observations::default()];
     let mut whole = Observations::default();
     for seed in 0..6 {
@@ -78,7 +80,7 @@ fn gathering_in_parts_is_gathering() {
 }
 
 #[test]
-fn a_heavy_prior_and_many_textures_pull_against_each_other() {
+fn the_weight_decides_between_prior_and_store() {
     let prior = Prior::decode(&observations().encode()).unwrap();
     let definition = Definition::built_in("default").unwrap();
     let textures: Vec<_> = (200..212).map(described).collect();
@@ -97,7 +99,7 @@ fn a_heavy_prior_and_many_textures_pull_against_each_other() {
 }
 
 #[test]
-fn the_shipped_bytes_are_known() {
+fn the_shipped_prior_is_frozen() {
     let bytes = include_bytes!("../prior.bin");
     assert!(bytes.len() < 400_000, "{} bytes", bytes.len());
     let prior = Prior::decode(bytes).unwrap();

@@ -1,9 +1,10 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::hlac::Sums;
+use crate::hlac::{OctantSums, Sums, View};
+use crate::space::NuisanceStatistics;
 
-/// Sums that could be a view's: sixteen windows of up to 255 an intensity, in eight octants of two.
+/// Possible sums of views: 16 windows, two in each octant, of intensities drawn by the seed.
 fn described(feature_set: &FeatureSet, seed: u64) -> Vec<(View, OctantSums)> {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     let mut next = move || {
@@ -22,7 +23,7 @@ fn described(feature_set: &FeatureSet, seed: u64) -> Vec<(View, OctantSums)> {
 fn contributions(feature_set: &FeatureSet, seeds: &[u64]) -> Vec<Contribution> {
     seeds
         .iter()
-        .map(|&seed| Contribution::of_sums(feature_set, &described(feature_set, seed)).unwrap().unwrap())
+        .map(|&seed| Contribution::from_sums(feature_set, &described(feature_set, seed)).unwrap().unwrap())
         .collect()
 }
 
@@ -41,7 +42,7 @@ proptest! {
     #![proptest_config(hlacdb_testing::cases(12))]
 
     #[test]
-    fn order_merging_and_removal_leave_no_trace(
+    fn order_merging_and_removal_change_no_bit(
         feature_set in feature_sets(), seeds in proptest::collection::vec(any::<u64>(), 1..12), split in any::<prop::sample::Index>(),
     ) {
         let textures = contributions(&feature_set, &seeds);
@@ -64,7 +65,7 @@ proptest! {
     }
 
     #[test]
-    fn they_are_what_the_textbook_says(feature_set in feature_sets(), seeds in proptest::collection::vec(any::<u64>(), 2..6)) {
+    fn statistics_follow_the_textbook(feature_set in feature_sets(), seeds in proptest::collection::vec(any::<u64>(), 2..6)) {
         let textures = contributions(&feature_set, &seeds);
         let statistics = statistics(&feature_set, &textures);
         let n = textures.len() as f64;
@@ -121,7 +122,7 @@ fn the_bytes_are_frozen() {
 }
 
 #[test]
-fn wrong_recipes_and_overdrafts_are_refused() {
+fn wrong_feature_sets_and_overdrafts_are_refused() {
     let pooled = FeatureSet::new(FeatureForm::Pooled, &[View::Full]).unwrap();
     let (plain, other) = (contributions(&FeatureSet::plain(), &[1]), contributions(&pooled, &[1]));
     let mut statistics = Statistics::new(&pooled);
@@ -144,17 +145,17 @@ fn one_texture_has_no_deviation_and_none_has_no_mean() {
 }
 
 #[test]
-fn without_octants_only_the_features_come_and_go() {
+fn without_octants_only_features_are_added_and_removed() {
     let feature_set = FeatureSet::new(FeatureForm::Pooled, &[View::Full]).unwrap();
     let with = &contributions(&feature_set, &[8])[0];
     let moments = described(&feature_set, 8)[0].1.total().descriptor();
-    let without = Contribution::of_moments(&feature_set, |_| Some(&moments)).unwrap().unwrap();
+    let without = Contribution::from_moments(&feature_set, |_| Some(&moments)).unwrap().unwrap();
     let mut statistics = statistics(&feature_set, [with, &without]);
     assert_eq!((statistics.count(), statistics.octant_count()), (2, 1));
     statistics.remove(&without).unwrap();
     statistics.remove(with).unwrap();
     assert_eq!(statistics, Statistics::new(&feature_set));
-    assert_eq!(Contribution::of_moments(&feature_set, |_| None).unwrap(), None);
+    assert_eq!(Contribution::from_moments(&feature_set, |_| None).unwrap(), None);
 }
 
 #[test]
@@ -162,6 +163,6 @@ fn a_side_of_three_voxels_has_no_octants() {
     let volume = crate::volume::Volume::from_fn([3, 8, 8], |z, y, x| (z * y * x) as u8).unwrap();
     let feature_set = FeatureSet::oriented();
     let contribution =
-        Contribution::of_sums(&feature_set, &crate::describe(&volume, feature_set.views())).unwrap().unwrap();
+        Contribution::from_sums(&feature_set, &crate::describe(&volume, feature_set.views())).unwrap().unwrap();
     assert!(contribution.octants.is_none());
 }

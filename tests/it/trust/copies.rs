@@ -84,7 +84,7 @@ fn exported_textures_are_imported_unchanged() {
             assert_eq!(hlacdb::Texture { id: old, ..after.clone() }, *before);
             assert_eq!(database.volume(old).unwrap(), copy.volume(after.id).unwrap());
             assert_eq!(database.sums(old).unwrap(), copy.sums(after.id).unwrap());
-            assert_eq!(database.moments(old).unwrap(), copy.moments(after.id).unwrap());
+            assert_eq!(database.descriptor(old).unwrap(), copy.descriptor(after.id).unwrap());
         }
         copy.query(&Query::texture(1)).unwrap();
         drop(copy);

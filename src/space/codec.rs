@@ -1,29 +1,31 @@
-//! Checked bytes: how statistics, spaces and priors are written down.
+//! The binary form of statistics, spaces and priors.
 //!
 //! ```text
-//! magic      4 bytes, says what it is
+//! magic      4 bytes: what the bytes hold
 //! version    u16
 //! content
-//! checksum   u64, XXH3-64 of all bytes before
+//! checksum   u64: XXH3-64 of all bytes before
 //! ```
 //!
-//! All numbers are little-endian. A list is its length as u32, then its items. Lists of large integers are packed: the
-//! width in bytes (1 to 16) that the widest needs, then each in two's complement of this width.
+//! All numbers are little-endian. A list is its length (u32) and its items. A list of large integers is packed: its
+//! length (u32), the width in bytes (u8, 1 to 16) that the largest item needs, and each item in two's complement of
+//! this width.
 
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::SpaceError;
+use super::{FeatureForm, FeatureSet, SpaceError};
+use crate::hlac::View;
 
-/// What kind of thing the bytes are.
+/// Identifies what the bytes hold.
 #[derive(Clone, Copy)]
 pub(super) struct Header {
-    /// What errors call it.
+    /// Its name in errors.
     pub(super) what: &'static str,
     pub(super) magic: [u8; 4],
     pub(super) version: u16,
 }
 
-/// Writes content behind a header.
+/// Writes a header, content and the checksum.
 pub(super) struct Writer(Vec<u8>);
 
 impl Writer {
@@ -49,7 +51,7 @@ impl Writer {
         self.u64(value.to_bits());
     }
 
-    /// The length of a list. What is written is far below 2^32 items long.
+    /// The length of a list. All lists are far shorter than 2^32 items.
     fn length(&mut self, length: usize) {
         self.u32(length as u32);
     }
@@ -65,12 +67,12 @@ impl Writer {
     }
 
     pub(super) fn packed(&mut self, values: &[i128]) {
-        // All bits that differ from the sign in any of the values, and one for the sign itself.
+        // The bits that differ from the sign bit in any value, and one bit for the sign.
         let used = values.iter().fold(0, |used, &value| used | (value ^ (value >> 127)));
         let width = ((129 - used.leading_zeros()).div_ceil(8) as usize).clamp(1, 16);
         self.length(values.len());
         self.u8(width as u8);
-        // Each written whole, its upper bytes overwritten by the next: copies of a fixed size are quick.
+        // Each item is written with all its 16 bytes and the next overwrites the upper ones: copies of fixed size are fast.
         let start = self.0.len();
         self.0.resize(start + values.len() * width + 16, 0);
         for (at, value) in values.iter().enumerate() {
@@ -86,7 +88,7 @@ impl Writer {
     }
 }
 
-/// Reads content, and trusts nothing.
+/// Reads content of untrusted bytes.
 pub(super) struct Reader<'a> {
     header: Header,
     rest: &'a [u8],
@@ -100,9 +102,9 @@ impl<'a> Reader<'a> {
         let (magic, rest) = content.split_first_chunk::<4>().ok_or(damaged("it is too short"))?;
         let (version, rest) = rest.split_first_chunk::<2>().ok_or(damaged("it is too short"))?;
         if *magic != header.magic {
-            return Err(damaged("it begins with the wrong bytes"));
+            return Err(damaged("it has another magic number"));
         }
-        // Before the checksum, so that a newer version may change how that is made.
+        // Checked before the checksum, so that a later version may define another checksum.
         let version = u16::from_le_bytes(*version);
         if version != header.version {
             return Err(SpaceError::Version { what: header.what, found: version, supported: header.version });
@@ -168,8 +170,7 @@ impl<'a> Reader<'a> {
             return Err(self.damaged("an integer in it has an impossible width"));
         }
         let size = length.checked_mul(width).ok_or(self.damaged("a list in it is too long"))?;
-        // As it was written: each read whole with what follows it, which shifting up drops, and down again brings the
-        // sign along.
+        // Each item is read as 16 bytes; shifting left drops those that follow it, shifting right extends the sign.
         let mut bytes = self.take(size)?.to_vec();
         bytes.resize(size + 16, 0);
         let unpack = |at: usize| {
@@ -179,10 +180,26 @@ impl<'a> Reader<'a> {
         Ok((0..length).map(unpack).collect())
     }
 
-    /// Nothing may be left.
+    /// Refuses bytes after the content.
     pub(super) fn finish(self) -> Result<(), SpaceError> {
         if self.rest.is_empty() { Ok(()) } else { Err(self.damaged("something follows its end")) }
     }
+}
+
+/// Writes a feature set: form u8, views as a list of u8 codes.
+pub(super) fn write_feature_set(writer: &mut Writer, feature_set: &FeatureSet) {
+    writer.u8(feature_set.form().code());
+    writer.bytes(&feature_set.views().iter().map(|view| view.code()).collect::<Vec<_>>());
+}
+
+/// Reads what [`write_feature_set`] wrote.
+pub(super) fn read_feature_set(reader: &mut Reader<'_>) -> Result<FeatureSet, SpaceError> {
+    let form = FeatureForm::from_code(reader.u8()?).ok_or(reader.damaged("it names an unknown form"))?;
+    let views: Option<Vec<_>> = reader.bytes()?.iter().map(|&code| View::from_code(code)).collect();
+    let views = views.ok_or(reader.damaged("it names an unknown view"))?;
+    // Views are ordered by code, so that equal feature sets have equal bytes.
+    let feature_set = FeatureSet::new(form, &views).ok().filter(|feature_set| feature_set.views() == views);
+    feature_set.ok_or(reader.damaged("its views are not in order"))
 }
 
 #[cfg(test)]
@@ -224,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn damage_of_any_kind_is_told() {
+    fn damage_of_any_kind_is_an_error() {
         let mut writer = Writer::new(HEADER);
         writer.f64s(&[f64::NAN]);
         let bytes = writer.finish();
