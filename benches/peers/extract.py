@@ -30,7 +30,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 def read_masks():
     """The masks as tuples of cells 9 z + 3 y + x, from the letters in the source: one place states them."""
-    source = (ROOT / "src/hlac/masks.rs").read_text()
+    source = (ROOT / "crates/hlac/src/masks.rs").read_text()
     letters = re.search(r'const LETTERS: &str = "(.*?)";', source, re.S).group(1).replace("\\\n", " ")
     masks = [tuple(26 if c == "A" else ord(c) - ord("a") for c in word) for word in letters.split()]
     assert len(masks) == 251
