@@ -4,28 +4,31 @@ use std::error::Error;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use super::Shape;
+use crate::formats::{self, FormatInfo};
+use crate::text::{DecoderError, Listed, display_path};
+use crate::{Hint, Shape};
 
-/// Why voxels are no volume. The sentence says what was found, what was expected and what to do.
+/// Why there is no volume. The sentence says what was found and what was expected; [`hint`](Self::hint) says which kind
+/// of remedy applies.
+///
+/// Text that is quoted from a file is escaped and cut, so that a sentence is one line of bounded length.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum VolumeError {
     /// The array does not have three axes (or three and a colour axis of length 3 or 4).
-    #[error("the array has {} axes {found:?}, but a volume has three (Z, Y, X), or four with a last one of 3 colours: reshape it or stack slices", found.len())]
+    #[error("the array has {} axes {}, but a volume has three (Z, Y, X), or four with a last one of 3 or 4 colours", found.len(), Listed(found))]
     Dimensions {
         /// The axis lengths as the file gives them.
         found: Vec<u64>,
     },
-    /// An axis is shorter than the 3 voxels that one window needs.
-    #[error("the volume is {} x {} x {} (Z, Y, X), but every side must have at least 3 voxels for the 3x3x3 window", shape[0], shape[1], shape[2])]
+    /// A side is shorter than [`MIN_SIDE`](crate::MIN_SIDE) voxels.
+    #[error("the volume is {} x {} x {} (Z, Y, X), but every side must have at least 3 voxels", shape[0], shape[1], shape[2])]
     TooSmall {
         /// The shape that was found.
         shape: Shape,
     },
     /// The header promises more voxels than the caller allows.
-    #[error(
-        "the header promises {voxels} voxels, more than the limit of {limit}: raise --max-voxels if the file is right"
-    )]
+    #[error("the header promises {voxels} voxels, more than the limit of {limit}")]
     TooLarge {
         /// The number of voxels promised.
         voxels: u128,
@@ -34,10 +37,10 @@ pub enum VolumeError {
     },
     /// Compressed samples would take more memory than the caller allows, and far more than the file has bytes.
     #[error(
-        "the header promises samples of {bytes} bytes, far more than the compressed file holds and more than the limit of {limit}: raise --max-inflated if the file is right"
+        "the header promises samples of {bytes} bytes, more than 16 times what the compressed file has and more than the limit of {limit}"
     )]
     Inflated {
-        /// Bytes of the samples once unpacked.
+        /// Bytes of the samples once decompressed.
         bytes: u128,
         /// The limit in force.
         limit: u64,
@@ -51,9 +54,7 @@ pub enum VolumeError {
         found: u64,
     },
     /// The file ends before its header's promise is met.
-    #[error(
-        "the data ends after {found} of the {expected} bytes that the header promises: the file is truncated, fetch or write it again"
-    )]
+    #[error("the data ends after {found} of the {expected} bytes that the header promises")]
     Truncated {
         /// Bytes the header promises.
         expected: u64,
@@ -61,14 +62,35 @@ pub enum VolumeError {
         found: u64,
     },
     /// A sample is NaN or infinite.
-    #[error("the sample at z {}, y {}, x {} is {value}, but samples must be finite: replace NaN and infinity first", position[0], position[1], position[2])]
+    #[error("the sample at z {}, y {}, x {} is {value}, but samples must be finite", position[0], position[1], position[2])]
     NotFinite {
         /// The first such sample.
         value: f64,
         /// Its place (Z, Y, X).
         position: Shape,
     },
-    /// The file is of a known kind but uses a feature that is not read.
+    /// The voxels have another number of channels than 1, 3 or 4.
+    #[error(
+        "a volume of {found} channels is not supported; supported: 1 channel (grey), 3 (RGB) or 4 (RGB and alpha, which is dropped)"
+    )]
+    Channels {
+        /// The number of channels.
+        found: u64,
+    },
+    /// A box does not lie inside the volume.
+    #[error(
+        "the box of {} x {} x {} voxels at z {}, y {}, x {} does not lie in the volume of {} x {} x {} (Z, Y, X)",
+        shape[0], shape[1], shape[2], origin[0], origin[1], origin[2], volume[0], volume[1], volume[2]
+    )]
+    OutsideVolume {
+        /// The first voxel of the box.
+        origin: Shape,
+        /// The shape of the box.
+        shape: Shape,
+        /// The shape of the volume.
+        volume: Shape,
+    },
+    /// The file is of a known format but uses a feature that is not read.
     #[error("{what} is not supported; supported: {supported}")]
     Unsupported {
         /// What was found.
@@ -76,41 +98,101 @@ pub enum VolumeError {
         /// What would have been read.
         supported: String,
     },
+    /// The file holds more than one volume.
+    #[error("{what} is more than one volume, but one is read from a file")]
+    SeveralVolumes {
+        /// What was found, e.g. `a series of 20 volumes over time`.
+        what: String,
+    },
+    /// A header whose samples are in several files.
+    #[error("the data of the header are in several files, but one data file is read")]
+    SeveralDataFiles,
     /// The file contradicts its own format.
     #[error("{found}, but {expected}")]
     Malformed {
         /// What was found, and where.
         found: String,
-        /// What the format asks for, and what to do.
+        /// What the format asks for.
         expected: String,
     },
-    /// A detached header names a data file outside its own folder.
-    #[error(
-        "the header names the data file {named}, which is outside the header's own folder: move the data beside the header"
-    )]
-    Outside {
-        /// The path as the header writes it (escaped).
+    /// A slice differs from the first one of its volume.
+    #[error("{slice} has {found}, but {first} has {expected}, and all slices of a volume are alike")]
+    MixedSlices {
+        /// The slice, e.g. `the slice s11.png`.
+        slice: String,
+        /// Its size and samples.
+        found: String,
+        /// The first slice.
+        first: String,
+        /// Its size and samples.
+        expected: String,
+    },
+    /// A folder holds too few slices to be a volume.
+    #[error("the folder holds {found} slices, but a volume has at least 3 PNG, JPEG or single-page TIFF slices of one size")]
+    TooFewSlices {
+        /// The number of slices.
+        found: usize,
+    },
+    /// The offset of raw samples is beyond the end of the file.
+    #[error("the file has {length} bytes, but its samples should begin at byte {offset}")]
+    RawOffset {
+        /// Bytes of the file.
+        length: u64,
+        /// The offset given.
+        offset: u64,
+    },
+    /// Raw samples do not use up their file.
+    #[error("{left_over} bytes are left over after the samples, but shape {shape:?}, type {samples} and offset {offset} must use up all {length} bytes")]
+    RawLength {
+        /// Bytes after the last sample.
+        left_over: u64,
+        /// Bytes of the file.
+        length: u64,
+        /// The shape given.
+        shape: Shape,
+        /// The type given.
+        samples: crate::SampleType,
+        /// The offset given.
+        offset: u64,
+    },
+    /// A header names a data file outside its own folder.
+    #[error("the header names the data file {named}, which is outside the header's own folder")]
+    OutsideFolder {
+        /// The path as the header writes it.
         named: String,
     },
-    /// The data file that a detached header names cannot be reached.
-    #[error("the header names the data file {named}, which cannot be opened: it belongs beside the header")]
+    /// The data file of a header cannot be reached.
+    #[error("the header names the data file {named}, which cannot be opened")]
     DataFile {
-        /// The path as the header writes it (escaped).
+        /// The path as the header writes it.
         named: String,
         /// The system's own words.
         #[source]
         source: std::io::Error,
     },
-    /// Neither content nor name tells the kind.
-    #[error(
-        "the kind of file is not known (it begins with {start}); known kinds: {known}; for bare samples give --raw-shape and --raw-type"
-    )]
-    UnknownKind {
-        /// The first bytes, printable.
-        start: String,
-        /// The kinds that are read.
-        known: &'static str,
+    /// The other file of a pair is missing.
+    #[error("there is no {missing} beside the file, but the format is a pair of files, NAME.hdr and NAME.img")]
+    MissingHalf {
+        /// The name of the file that is missing.
+        missing: String,
     },
+    /// Neither content nor name tells the format.
+    #[error("the file format is not recognised: the file {}; recognised are {}", begins(start), formats::titles())]
+    UnknownFormat {
+        /// The first bytes, escaped; empty where the file is.
+        start: String,
+    },
+    /// The format, or what the file uses of it, is not part of this build.
+    #[error("{what} is not read by this build, which lacks the feature `{feature}`")]
+    FeatureDisabled {
+        /// The format, or the part of it.
+        what: &'static str,
+        /// The feature of the crate.
+        feature: &'static str,
+    },
+    /// A folder, pipe or device stands where a file should be.
+    #[error("this is a folder, pipe or device, but a regular file is needed")]
+    NotAFile,
     /// The operating system refused.
     #[error("{doing} failed")]
     Io {
@@ -121,7 +203,7 @@ pub enum VolumeError {
         source: std::io::Error,
     },
     /// A decoder refused the bytes.
-    #[error("{what} cannot be decoded: the file is damaged or not what its name says")]
+    #[error("{what} cannot be decoded")]
     Decode {
         /// Which part, e.g. `page 3 of the TIFF`.
         what: String,
@@ -131,36 +213,92 @@ pub enum VolumeError {
     },
 }
 
-/// A path as it is shown to people and in JSON: bytes that are not UTF-8 and control characters are escaped.
-pub fn display_path(path: &Path) -> String {
-    let mut shown = String::new();
-    for chunk in path.as_os_str().as_encoded_bytes().utf8_chunks() {
-        for character in chunk.valid().chars() {
-            if character.is_control() {
-                shown.extend(character.escape_default());
-            } else {
-                shown.push(character);
-            }
-        }
-        for byte in chunk.invalid() {
-            shown.push_str(&format!("\\x{byte:02x}"));
-        }
-    }
-    shown
+fn begins(start: &str) -> String {
+    if start.is_empty() { "is empty".into() } else { format!("begins with \"{start}\"") }
 }
 
-/// A file that gave no volume: which one, and why.
+impl VolumeError {
+    /// The kind of remedy that applies; `None` where none is known.
+    pub fn hint(&self) -> Option<Hint> {
+        Some(match self {
+            Self::Dimensions { .. } => Hint::ReshapeArray,
+            Self::TooLarge { .. } => Hint::RaiseVoxelLimit,
+            Self::Inflated { .. } => Hint::RaiseInflatedLimit,
+            Self::Truncated { .. } | Self::Malformed { .. } | Self::Decode { .. } => Hint::ReplaceFile,
+            Self::NotFinite { .. } => Hint::ReplaceNonFinite,
+            Self::Channels { .. } | Self::Unsupported { .. } | Self::MixedSlices { .. } => Hint::ConvertFile,
+            Self::SeveralVolumes { .. } => Hint::SplitVolumes,
+            Self::SeveralDataFiles => Hint::JoinDataFiles,
+            Self::TooFewSlices { .. } => Hint::NameFiles,
+            Self::RawOffset { .. } | Self::RawLength { .. } => Hint::CheckRawLayout,
+            Self::OutsideFolder { .. } | Self::DataFile { .. } | Self::MissingHalf { .. } => Hint::MoveDataBesideHeader,
+            Self::UnknownFormat { .. } => Hint::GiveRawLayout,
+            Self::FeatureDisabled { feature, .. } => Hint::EnableFeature(feature),
+            Self::TooSmall { .. } | Self::Length { .. } | Self::OutsideVolume { .. } | Self::NotAFile | Self::Io { .. } => {
+                return None;
+            }
+        })
+    }
+
+    /// An error of a decoder from another crate, its words bounded.
+    pub(crate) fn decode(what: impl Into<String>, error: &dyn Error) -> Self {
+        Self::Decode { what: what.into(), source: Box::new(DecoderError::new(error)) }
+    }
+
+    pub(crate) fn malformed(found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self::Malformed { found: found.into(), expected: expected.into() }
+    }
+}
+
+/// A file that gave no volume: which one, the format it was read as, and why.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct ReadError {
-    /// The file or folder, as it was named by the caller.
+    /// The file or folder, as the caller named it.
     pub path: PathBuf,
+    /// The format that the file was taken for, where it was recognised.
+    pub format: Option<&'static FormatInfo>,
     /// What was wrong with it.
     pub error: VolumeError,
 }
 
+impl ReadError {
+    /// An error of a file whose format is not known.
+    pub fn new(path: impl Into<PathBuf>, error: VolumeError) -> Self {
+        Self { path: path.into(), format: None, error }
+    }
+
+    /// The same error with the format that the file was taken for.
+    #[must_use]
+    pub fn with_format(self, format: &'static FormatInfo) -> Self {
+        Self { format: Some(format), ..self }
+    }
+
+    /// The same error under another path, as it is to be shown.
+    #[must_use]
+    pub fn with_path(self, path: impl Into<PathBuf>) -> Self {
+        Self { path: path.into(), ..self }
+    }
+
+    /// The file or folder, as the caller named it.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The kind of remedy that applies; `None` where none is known.
+    pub fn hint(&self) -> Option<Hint> {
+        self.error.hint()
+    }
+}
+
 impl fmt::Display for ReadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", display_path(&self.path), self.error)
+        write!(f, "{}: ", display_path(&self.path))?;
+        match self.format {
+            // The build lacks the format: the sentence names it.
+            Some(format) if format.available => write!(f, "read as {}: {}", format.title, self.error),
+            _ => write!(f, "{}", self.error),
+        }
     }
 }
 

@@ -1,28 +1,28 @@
-//! What the tests of readers share: samples as bytes, a volume that no wrong reader gets right, files in a folder.
+//! What the tests of readers share: samples as bytes, a volume that no wrong reader yields, files in a folder.
 
 use std::path::{Path, PathBuf};
 
 use half::f16;
 use tempfile::TempDir;
 
-use super::{Endian, ReadOptions, SampleType, Shape, Source, Volume, VolumeError};
+use crate::{Endian, ReadOptions, SampleType, Shape, Volume, VolumeError, VolumeSource};
 
 /// The shape of [`volume`]: no two sides are alike.
-pub(super) const SHAPE: Shape = [3, 4, 5];
+pub(crate) const SHAPE: Shape = [3, 4, 5];
 
 /// A volume that is no mirror image of itself along any axis; its levels reach from 0 to 255.
-pub(super) fn volume() -> Volume {
+pub(crate) fn volume() -> Volume {
     Volume::from_fn(SHAPE, |z, y, x| if (z, y, x) == (2, 3, 4) { 255 } else { (z * 67 + y * 31 + x * 7) as u8 })
         .unwrap()
 }
 
 /// The samples of [`volume`].
-pub(super) fn samples() -> Vec<f64> {
+pub(crate) fn samples() -> Vec<f64> {
     volume().voxels().iter().map(|&voxel| f64::from(voxel)).collect()
 }
 
 /// Samples in memory, cast to a type as `as` does.
-pub(super) fn encode(samples: &[f64], ty: SampleType, endian: Endian) -> Vec<u8> {
+pub(crate) fn encode(samples: &[f64], ty: SampleType, endian: Endian) -> Vec<u8> {
     let mut bytes = Vec::new();
     for &v in samples {
         let at = bytes.len();
@@ -47,7 +47,7 @@ pub(super) fn encode(samples: &[f64], ty: SampleType, endian: Endian) -> Vec<u8>
 }
 
 /// The value of one sample.
-pub(super) fn value(bytes: &[u8], ty: SampleType, endian: Endian) -> f64 {
+pub(crate) fn value(bytes: &[u8], ty: SampleType, endian: Endian) -> f64 {
     let mut le = bytes.to_vec();
     if endian == Endian::Big {
         le.reverse();
@@ -68,38 +68,64 @@ pub(super) fn value(bytes: &[u8], ty: SampleType, endian: Endian) -> f64 {
 }
 
 /// A folder that goes away with the test.
-pub(super) struct Folder(TempDir);
+pub(crate) struct Folder(TempDir);
 
 impl Folder {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self(TempDir::new().unwrap())
     }
 
-    pub(super) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.0.path()
     }
 
     /// Writes a file into the folder.
-    pub(super) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+    pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
         let path = self.path().join(name);
         std::fs::write(&path, bytes).unwrap();
         path
     }
 
     /// Writes a file and reads it as whatever it says it is.
-    pub(super) fn read(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(Volume, Source), VolumeError> {
+    pub(crate) fn read(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(Volume, VolumeSource), VolumeError> {
         read(&self.write(name, bytes))
     }
 }
 
 /// Reads a file with the default options.
-pub(super) fn read(path: &Path) -> Result<(Volume, Source), VolumeError> {
-    super::read(path, &ReadOptions::default()).map_err(|error| error.error)
+pub(crate) fn read(path: &Path) -> Result<(Volume, VolumeSource), VolumeError> {
+    crate::read(path, &ReadOptions::default()).map_err(|error| error.error)
 }
 
 /// Bytes as gzip writes them.
-pub(super) fn gzip(bytes: &[u8]) -> Vec<u8> {
+#[cfg(feature = "gzip")]
+pub(crate) fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     std::io::Write::write_all(&mut encoder, bytes).unwrap();
     encoder.finish().unwrap()
+}
+
+/// An array in version 1 of the npy format.
+pub(crate) fn npy(header: &str, data: &[u8]) -> Vec<u8> {
+    versioned(1, header, data)
+}
+
+/// An array in a version of the npy format.
+pub(crate) fn versioned(major: u8, header: &str, data: &[u8]) -> Vec<u8> {
+    let length = header.len() as u32;
+    let length = if major == 1 { (length as u16).to_le_bytes().to_vec() } else { length.to_le_bytes().to_vec() };
+    [b"\x93NUMPY", &[major, 0][..], &length, header.as_bytes(), data].concat()
+}
+
+/// The header of an array as numpy writes it.
+pub(crate) fn npy_header(descr: &str, fortran: bool, shape: &str) -> String {
+    let fortran = if fortran { "True" } else { "False" };
+    format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}          \n")
+}
+
+/// The samples of [`volume`] in Fortran order.
+pub(crate) fn transposed() -> Vec<f64> {
+    let (samples, [depth, height, width]) = (samples(), volume().shape());
+    let at = |i: usize| samples[(i % depth * height + i / depth % height) * width + i / depth / height];
+    (0..samples.len()).map(at).collect()
 }
