@@ -7,14 +7,12 @@
 //! alone (points_prior.npy), and on textures and prior (points_both.npy).
 
 use std::error::Error;
-use std::fs::File;
 use std::path::Path;
 
 use hlacdb::hlac::{MASK_COUNT, OctantSums, View};
 use hlacdb::space::{self, Contribution, Definition, Descriptor, Prior, Space, Statistics};
 use hlacdb::synth::families::FAMILIES;
 use hlacdb::synth::{Nuisance, Recipe};
-use npyz::WriterBuilder;
 use rayon::prelude::*;
 
 type Failure = Box<dyn Error + Send + Sync>;
@@ -79,9 +77,5 @@ fn main() -> Result<(), Failure> {
 }
 
 fn write(folder: &Path, name: &str, shape: &[usize], values: &[f32]) -> Result<(), Failure> {
-    let shape: Vec<u64> = shape.iter().map(|&length| length as u64).collect();
-    let mut writer =
-        npyz::WriteOptions::new().default_dtype().shape(&shape).writer(File::create(folder.join(name))?).begin_nd()?;
-    writer.extend(values.iter().copied())?;
-    Ok(writer.finish()?)
+    Ok(hlacdb::arrays::write_npy(&folder.join(name), shape, values)?)
 }

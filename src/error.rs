@@ -6,7 +6,7 @@ use crate::index::IndexError;
 use crate::space::SpaceError;
 use crate::store::StoreError;
 use crate::synth::RecipeError;
-use crate::volume::{ReadError, Shape, VolumeError, display_path};
+use crate::volume::{Hint, ReadError, Shape, VolumeError, display_path};
 
 /// Why a call of the database failed. The sentence says what was found and what to do; causes are in `source()`.
 #[derive(Debug, thiserror::Error)]
@@ -210,6 +210,15 @@ impl Error {
             Self::Store(StoreError::Damage(_) | StoreError::DamagedFile { .. })
                 | Self::Space(SpaceError::Damaged { .. } | SpaceError::Version { .. })
         )
+    }
+
+    /// The kind of remedy that applies to a file that gave no volume; `None` where none is known.
+    pub fn hint(&self) -> Option<Hint> {
+        match self {
+            Self::Read(error) => error.hint(),
+            Self::Volume(error) => error.hint(),
+            _ => None,
+        }
     }
 
     /// This error with each of its paths replaced by `shown(path)`.

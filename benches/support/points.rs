@@ -5,9 +5,12 @@
 //! axes), and rows beyond 20 000 lie between two near ones, with noise of 1e-4 on the degree roots. Elsewhere points
 //! are drawn around smooth surfaces of eight latent coordinates. Either way the seed fixes every bit of the input.
 
+use std::path::Path;
+
 use hlacdb::hlac::MASKS;
 use hlacdb::index::{Graph, Index, Points};
 use hlacdb::space::Metric;
+use hlacdb::volume::npy::NpyReader;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -31,13 +34,11 @@ impl Origin {
     /// The real descriptors where they are.
     pub(crate) fn find() -> Self {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/moments_20k.npy");
-        match std::fs::File::open(path) {
-            Ok(file) => {
-                let file = npyz::NpyFile::new(std::io::BufReader::new(file)).expect("moments_20k.npy is a NumPy file");
-                Origin::Moments(Fit::new(&file.into_vec::<f32>().expect("its samples are f32")))
-            }
-            Err(_) => Origin::Latent,
+        if !Path::new(path).exists() {
+            return Origin::Latent;
         }
+        let mut file = NpyReader::open(Path::new(path)).expect("moments_20k.npy is a NumPy file");
+        Origin::Moments(Fit::new(&file.read_all::<f32>(u64::MAX).expect("its values are f32")))
     }
 
     /// What is printed beside the figures.

@@ -10,6 +10,8 @@ use serde::Serialize;
 
 use hlacdb::{Database, OpenOptions};
 
+use super::remedy::remedy;
+
 /// How a command that could do its work ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
@@ -166,14 +168,18 @@ fn is_broken_pipe(error: &(dyn Error + 'static)) -> bool {
     io_kind(error).or_else(|| json_kind(error)) == Some(io::ErrorKind::BrokenPipe)
 }
 
-/// An error's sentence, then its causes, each on a line of its own.
-pub(crate) fn chain(error: &dyn Error) -> String {
+/// An error's sentence, then its causes and what would help, each on a line of its own.
+pub(crate) fn chain(error: &(dyn Error + 'static)) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {
         text.push_str("\n  because ");
         text.push_str(&error.to_string());
         cause = error.source();
+    }
+    if let Some(remedy) = remedy(error) {
+        text.push_str("\n  help: ");
+        text.push_str(&remedy);
     }
     text
 }

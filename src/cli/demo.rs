@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use clap::Args;
 use hlacdb::synth::{Recipe, Specimen};
-use hlacdb::volume::{Source, Volume, display_path};
+use hlacdb::volume::{Volume, VolumeSource, display_path};
 use hlacdb::{Database, Meta, OpenOptions, Progress, Query, arrays, eval};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -183,7 +183,7 @@ fn build(database: &Database, recipe: &Recipe, bars: &Bars) -> Result<Option<Tim
         let volumes: Vec<(Meta, Volume)> = of_class
             .par_iter()
             .map(|specimen| {
-                let meta = Meta::named(specimen.name.clone()).tags(specimen.tags.clone()).source(Source::SYNTHETIC);
+                let meta = Meta::named(specimen.name.clone()).tags(specimen.tags.clone()).source(VolumeSource::SYNTHETIC);
                 let volume = specimen.volume();
                 bars.advance(1);
                 (meta, volume)

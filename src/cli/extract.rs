@@ -137,6 +137,15 @@ enum Refused {
     Stopped,
 }
 
+impl Refused {
+    fn told(&self) -> String {
+        match self {
+            Self::Read(error) => chain(error),
+            other => chain(other),
+        }
+    }
+}
+
 /// What the variant asked for makes of a volume.
 struct Answer {
     windows: u64,
@@ -200,7 +209,7 @@ impl Extract {
             .into_iter()
             .filter_map(|(answer, path)| Some((answer.err()?, path)))
             .filter(|(error, _)| !matches!(error, Refused::Stopped))
-            .map(|(error, path)| (volume::display_path(path), chain(&error)))
+            .map(|(error, path)| (volume::display_path(path), error.told()))
             .collect();
         if stopped {
             // An array with fewer rows than files would be taken for the whole.
@@ -220,7 +229,7 @@ impl Extract {
 
     /// What is inside is 255, be it a label of 1 in 65535 or -1.
     fn read_region(&self, path: &Path) -> Result<Volume, ReadError> {
-        let options = ReadOptions { intensity: Intensity::NonZero, ..self.reading.options() };
+        let options = self.reading.options().intensity(Intensity::NonZero);
         Ok(volume::read(path, &options)?.0)
     }
 

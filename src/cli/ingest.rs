@@ -10,6 +10,7 @@ use hlacdb::volume::display_path;
 
 use super::bars::Bars;
 use super::read_arguments::ReadArguments;
+use super::remedy::with_remedy;
 use super::table::{bytes, count, duration};
 use super::tag::{KeyValue, one_value_each};
 use super::{Context, Failure, Outcome};
@@ -93,7 +94,7 @@ impl Ingest {
                 broken_pipe = print_line(context, event).err();
             }
             if let (Status::Failed, Some(error), false) = (event.status, &event.error, stream) {
-                eprintln!("hlacdb: {}", hlacdb::chain(error));
+                eprintln!("hlacdb: {}", with_remedy(error));
             }
         })?;
         drop(bars);

@@ -7,6 +7,7 @@ mod arguments;
 mod bars;
 mod context;
 mod read_arguments;
+mod remedy;
 mod table;
 mod values;
 

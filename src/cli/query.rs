@@ -12,6 +12,7 @@ use hlacdb::volume::{self, Volume};
 use hlacdb::{Answer, Combine, Database, Query as Question, arrays};
 
 use super::read_arguments::ReadArguments;
+use super::remedy::with_remedy;
 use super::table::{Align, Table, duration, tags};
 use super::tag::KeyValue;
 use super::values::{png, whole};
@@ -123,7 +124,7 @@ impl Query {
                     names.push(volume::display_path(path));
                     volumes.push(volume);
                 }
-                Err(error) => eprintln!("hlacdb: {}", hlacdb::chain(&error)),
+                Err(error) => eprintln!("hlacdb: {}", with_remedy(&error)),
             }
         }
         let questions: Vec<Question<'_>> = volumes.iter().map(|one| self.refine(Question::volume(one))).collect();

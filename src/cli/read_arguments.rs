@@ -17,11 +17,11 @@ pub(crate) struct ReadArguments {
     intensity: Intensity,
 
     /// Refuse a file whose header promises more voxels than this
-    #[arg(long, value_name = "N", default_value_t = ReadOptions::default().max_voxels, value_parser = whole::<u64>)]
+    #[arg(long, value_name = "N", default_value_t = ReadOptions::MAX_VOXELS, value_parser = whole::<u64>)]
     max_voxels: u64,
 
     /// Refuse a compressed file whose samples would take more bytes of memory than this, and more than 16 times its own
-    #[arg(long, value_name = "BYTES", default_value_t = ReadOptions::default().max_inflated, value_parser = whole::<u64>)]
+    #[arg(long, value_name = "BYTES", default_value_t = ReadOptions::MAX_INFLATED, value_parser = whole::<u64>)]
     max_inflated: u64,
 
     /// Files named .raw, .bin or .dat, and files of no known kind, are bare samples of this shape
@@ -65,13 +65,16 @@ impl FromStr for RawType {
 impl ReadArguments {
     /// The library's options.
     pub(crate) fn options(&self) -> ReadOptions {
-        let raw = match (self.raw_shape, self.raw_type) {
+        let options = ReadOptions::new()
+            .intensity(self.intensity)
+            .max_voxels(self.max_voxels)
+            .max_inflated(self.max_inflated);
+        match (self.raw_shape, self.raw_type) {
             (Some(RawShape(shape)), Some(RawType(samples, endian))) => {
-                Some(RawLayout { shape, samples, endian, offset: self.raw_offset })
+                options.raw(RawLayout::new(shape, samples, endian).offset(self.raw_offset))
             }
-            _ => None,
-        };
-        ReadOptions { intensity: self.intensity, max_voxels: self.max_voxels, max_inflated: self.max_inflated, raw }
+            _ => options,
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use serde::{Serialize, Serializer};
 use super::handle::{Database, held};
 use crate::error::Error;
 use crate::store::{Cut, NewTexture, Provenance, Reads, Record, RecordedMapping, Snapshot, StoreError, path_bytes};
-use crate::volume::{Shape, Source, display_path};
+use crate::volume::{Shape, VolumeSource, display_path};
 
 /// The place of a texture that was cut out of a larger volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -31,7 +31,7 @@ pub struct Meta {
     /// One value per key.
     pub tags: BTreeMap<String, String>,
     /// The kind of file, its samples and how they were mapped to 256 levels.
-    pub source: Option<Source>,
+    pub source: Option<VolumeSource>,
     /// Where it was cut from.
     pub block: Option<BlockOf>,
 }
@@ -65,7 +65,7 @@ impl Meta {
 
     /// Sets where the voxels came from.
     #[must_use]
-    pub fn source(mut self, source: Source) -> Self {
+    pub fn source(mut self, source: VolumeSource) -> Self {
         self.source = Some(source);
         self
     }
@@ -79,14 +79,14 @@ impl Meta {
 
     pub(crate) fn into_texture(self) -> NewTexture {
         let provenance = self.source.map(|source| Provenance {
-            kind: source.kind.name().to_owned(),
+            kind: source.format.to_owned(),
             samples: source.samples.name().to_owned(),
             mapping: source.mapping.map(|mapping| RecordedMapping {
                 rule: mapping.rule.to_string(),
                 lo: mapping.lo,
                 hi: mapping.hi,
             }),
-            spacing: source.spacing,
+            spacing: source.spacing.map(|spacing| spacing.zyx),
         });
         let wide = |shape: Shape| shape.map(|side| side as u64);
         NewTexture {

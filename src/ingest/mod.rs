@@ -23,7 +23,7 @@ use crate::error::{Error, chain};
 use crate::progress::Progress;
 use crate::store::Volumes;
 use crate::synth::{Recipe, Specimen};
-use crate::volume::{self, ReadOptions, Source};
+use crate::volume::{self, ReadOptions, VolumeSource};
 
 /// How files are read, cut, tagged and kept.
 #[derive(Clone, Debug, Default)]
@@ -54,12 +54,13 @@ impl Options {
     }
 
     /// What was wrong with a file, by its shown path.
-    fn read(&self, path: &Path) -> Result<(volume::Volume, Source), volume::ReadError> {
+    fn read(&self, path: &Path) -> Result<(volume::Volume, VolumeSource), volume::ReadError> {
         volume::read(path, &self.reading).map_err(|error| self.renamed(error))
     }
 
     fn renamed(&self, error: volume::ReadError) -> volume::ReadError {
-        volume::ReadError { path: self.shown(&error.path), error: error.error }
+        let path = self.shown(&error.path);
+        error.with_path(path)
     }
 }
 
@@ -204,7 +205,7 @@ fn discover_all(paths: &[PathBuf], raw: bool) -> (Vec<Result<PathBuf, volume::Re
     for path in paths {
         let mut discovery = volume::discover(path, raw);
         files.extend(discovery.by_ref());
-        skipped += discovery.passed_over();
+        skipped += discovery.skipped();
     }
     (files, skipped)
 }
@@ -226,7 +227,7 @@ pub fn synthesise(
     let describe = |specimen: Specimen| {
         let mut tags = specimen.tags.clone();
         tags.entry("recipe".into()).or_insert_with(|| recipe.name().to_owned());
-        let meta = Meta::named(specimen.name.clone()).tags(tags).source(Source::SYNTHETIC);
+        let meta = Meta::named(specimen.name.clone()).tags(tags).source(VolumeSource::SYNTHETIC);
         let prepared = database.prepare(&specimen.volume(), meta, Volumes::Keep);
         Item { path: specimen.name.into(), prepared, files: 1 }
     };

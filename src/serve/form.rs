@@ -71,13 +71,13 @@ impl Intake {
             return Err(Problem::bad_request("the form has no file: send one or more as `file`"));
         }
         let files = self.folder.path().join(FILES);
-        let found = volume::gather(&files).map_err(failed)?;
+        let found = volume::uploaded_volumes(&files).map_err(failed)?;
         if !found.contains(&files) {
             return Ok((found, files));
         }
         let stack = self.folder.path().join(stack_name(&self.names));
         std::fs::rename(&files, &stack).map_err(failed)?;
-        Ok((volume::gather(&stack).map_err(failed)?, self.folder.path().to_path_buf()))
+        Ok((volume::uploaded_volumes(&stack).map_err(failed)?, self.folder.path().to_path_buf()))
     }
 
     /// How the files are read and tagged, as the fields say: `tag` (`KEY=VALUE`, repeated), `intensity`, `block`.
@@ -115,7 +115,7 @@ const FILES: &str = "files";
 /// How files of strangers are read.
 pub(crate) fn reading(app: &App) -> ReadOptions {
     let &Settings { max_voxels, max_inflated, .. } = &app.settings;
-    ReadOptions { max_voxels, max_inflated, ..ReadOptions::default() }
+    ReadOptions::new().max_voxels(max_voxels).max_inflated(max_inflated)
 }
 
 /// `KEY=VALUE` with neither side empty.

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::Error;
 use crate::store::StoreError;
+use crate::volume::Hint;
 
 /// What went wrong, as `application/problem+json`.
 #[derive(Clone, Debug, Serialize, utoipa::ToSchema)]
@@ -97,8 +98,31 @@ impl From<Error> for Problem {
         if status.is_server_error() {
             tracing::warn!(error = crate::chain(&error), "a request failed");
         }
-        Self::of(status, &error)
+        let mut problem = Self::of(status, &error);
+        if let Some(remedy) = remedy(&error) {
+            problem.detail = format!("{} ({remedy})", problem.detail);
+        }
+        problem
     }
+}
+
+/// An error and its causes in one line, with the remedy in brackets.
+pub(crate) fn with_remedy(error: &Error) -> String {
+    let chain = crate::chain(error);
+    match remedy(error) {
+        Some(remedy) => format!("{chain} ({remedy})"),
+        None => chain,
+    }
+}
+
+/// What would help against an error, in the words of the server.
+fn remedy(error: &Error) -> Option<String> {
+    Some(match error.hint()? {
+        Hint::RaiseVoxelLimit | Hint::RaiseInflatedLimit => "the limit is set where the server is started".into(),
+        Hint::GiveRawLayout | Hint::CheckRawLayout => "samples without a header are read by the program only".into(),
+        Hint::EnableFeature(_) => "this server was built without that format".into(),
+        other => other.to_string(),
+    })
 }
 
 /// Whose fault it is: the caller's words (422), something that is not there (404), the state of things, or the server.

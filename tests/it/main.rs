@@ -22,5 +22,3 @@ mod supply;
 mod support;
 mod synth;
 mod trust;
-mod volume_formats;
-mod volume_pictures;

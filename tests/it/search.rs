@@ -245,10 +245,10 @@ fn the_graph_is_everybodys_answer() {
     let out = folder.path().join("out");
     let report = database.export(&out, Some(8), &()).unwrap();
     assert_eq!((report.textures, report.files.len()), (6, 5));
-    let file = |name: &str| npyz::NpyFile::new(std::fs::File::open(out.join(name)).unwrap()).unwrap();
-    assert_eq!(file("graph.npy").shape(), [6, 8]);
-    let ids: Vec<i64> = file("graph.npy").into_vec().unwrap();
-    let distances: Vec<f64> = file("graph_distances.npy").into_vec().unwrap();
+    let file = |name: &str| hlacdb::volume::npy::NpyReader::open(&out.join(name)).unwrap();
+    assert_eq!(file("graph.npy").header().shape(), [6, 8]);
+    let ids: Vec<i64> = file("graph.npy").read_all(48).unwrap();
+    let distances: Vec<f64> = file("graph_distances.npy").read_all(48).unwrap();
     let answer = database.query(&Query::texture(4).exclude_self()).unwrap();
     let third: Vec<(i64, f64)> = ids.into_iter().zip(distances).skip(2 * 8).take(8).collect();
     for (hit, (id, distance)) in answer.hits.iter().zip(&third) {

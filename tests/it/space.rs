@@ -1,11 +1,11 @@
 //! Spaces over what other rooms make: synthetic families, their copies under nuisances, and real moments.
 
-use std::fs::File;
 
 use hlacdb::hlac::{MASK_COUNT, View};
 use hlacdb::space::{Contribution, Definition, Descriptor, FeatureSet, Features, Prior, Space, Statistics};
 use hlacdb::synth::{self, Nuisance};
 use hlacdb::volume::Volume;
+use hlacdb::volume::npy::NpyReader;
 
 use hlacdb_testing::data;
 
@@ -76,8 +76,7 @@ fn small_textures_have_points_too() {
 #[test]
 fn real_moments_have_the_statistics_of_the_textbook() {
     let Some(path) = data("moments_20k.npy") else { return };
-    let array = npyz::NpyFile::new(File::open(path).unwrap()).unwrap();
-    let rows: Vec<f32> = array.data::<f32>().unwrap().take(1500 * MASK_COUNT).map(Result::unwrap).collect();
+    let rows: Vec<f32> = NpyReader::open(&path).unwrap().read(1500 * MASK_COUNT as u64).unwrap();
     let (rows, _) = rows.as_chunks::<MASK_COUNT>();
     let descriptors: Vec<Descriptor> =
         rows.iter().map(|row| Descriptor::from_moments([(View::Full, *row)]).unwrap()).collect();

@@ -1,20 +1,19 @@
-//! Numpy arrays in and out: moments and points as other programs read them.
+//! NumPy arrays in and out: moments and points, as other programs read and write them.
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
-use npyz::{DType, WriterBuilder};
-
 use crate::error::Error;
 use crate::hlac::MASK_COUNT;
-use crate::volume::Volume;
+use crate::volume::npy::{NpyElement, NpyReader, NpyWriter};
+use crate::volume::{ReadError, SampleType, Volume, VolumeError, formats};
 
-/// Writes a C-ordered array of `f32`, `f64` or another plain type.
+/// Writes a C-ordered array of `f32`, `f64` or another type of numbers.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::ArrayShape`] where the values do not fill the shape.
-pub fn write_npy<T: npyz::AutoSerialize>(path: &Path, shape: &[usize], values: &[T]) -> Result<(), Error> {
+pub fn write_npy<T: NpyElement>(path: &Path, shape: &[usize], values: &[T]) -> Result<(), Error> {
     let mut writer = NpyRows::create(path, shape)?;
     writer.push(values)?;
     writer.finish()
@@ -25,88 +24,81 @@ pub fn write_npy<T: npyz::AutoSerialize>(path: &Path, shape: &[usize], values: &
 /// # Errors
 /// [`Error::Io`].
 pub fn write_volume(path: &Path, volume: &Volume) -> Result<(), Error> {
-    let failed = |source| Error::file("writing", path, source);
-    let mut shape: Vec<u64> = volume.shape().map(|side| side as u64).into();
-    if volume.channels() > 1 {
-        shape.push(volume.channels() as u64);
-    }
-    let file = BufWriter::new(File::create(path).map_err(failed)?);
-    let options = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(file);
-    let mut writer = options.begin_nd().map_err(failed)?;
-    writer.extend(volume.voxels().iter().copied()).map_err(failed)?;
-    writer.finish().map_err(failed)
+    let written = NpyWriter::create(path, &shape_of(volume)).and_then(|writer| writer.finish_with(volume.voxels()));
+    written.map(drop).map_err(|source| Error::file("writing", path, source))
 }
 
-/// The bytes of a C-ordered numpy array.
-pub(crate) fn to_npy<T: npyz::AutoSerialize + Copy>(shape: &[usize], values: &[T]) -> std::io::Result<Vec<u8>> {
-    let sides: Vec<u64> = shape.iter().map(|&side| side as u64).collect();
-    let mut bytes = Vec::new();
-    let mut writer = npyz::WriteOptions::new().default_dtype().shape(&sides).writer(&mut bytes).begin_nd()?;
-    writer.extend(values.iter().copied())?;
-    writer.finish()?;
-    Ok(bytes)
+/// The bytes of a C-ordered array.
+pub(crate) fn to_npy<T: NpyElement>(shape: &[usize], values: &[T]) -> std::io::Result<Vec<u8>> {
+    NpyWriter::new(Vec::new(), shape)?.finish_with(values)
 }
 
-/// The bytes of a volume as a numpy array, as [`write_volume`] writes them.
+/// The bytes of a volume as an array, as [`write_volume`] writes them.
 pub(crate) fn volume_to_npy(volume: &Volume) -> std::io::Result<Vec<u8>> {
+    to_npy(&shape_of(volume), volume.voxels())
+}
+
+/// The axis lengths of a volume's array.
+fn shape_of(volume: &Volume) -> Vec<usize> {
     let mut shape = volume.shape().to_vec();
     if volume.channels() > 1 {
         shape.push(volume.channels());
     }
-    to_npy(&shape, volume.voxels())
+    shape
 }
 
 /// A volume as [`write_volume`] wrote it; else what is wrong with it. Takes no more memory than there are bytes to read.
 pub(crate) fn volume_from_npy(reader: impl Read) -> Result<Volume, String> {
-    let npy = npyz::NpyFile::new(reader).map_err(|error| format!("its array cannot be read: {error}"))?;
-    let (shape, channels) = match *npy.shape() {
+    let mut reader = c_ordered(reader)?;
+    let (shape, channels) = match *reader.header().shape() {
         [z, y, x] => ([z, y, x], 1),
         [z, y, x, 3] => ([z, y, x], 3),
-        ref other => return Err(format!("its array has the shape {other:?}, expected (Z, Y, X) or (Z, Y, X, 3)")),
+        _ => return Err(format!("{}, expected (Z, Y, X) or (Z, Y, X, 3)", has_shape(&reader))),
     };
     let sides = shape.map(|side| usize::try_from(side).unwrap_or(usize::MAX));
-    let expected = sides.iter().try_fold(channels, |bytes: usize, &side| bytes.checked_mul(side));
-    if npy.order() != npyz::Order::C {
-        return Err("its array is not in C order".into());
-    }
-    let values = npy.data::<u8>().map_err(|error| format!("its array is not of u8: {error}"))?;
-    let voxels: Vec<u8> = values.collect::<Result<_, _>>().map_err(|_| "its array ends early".to_owned())?;
-    if expected != Some(voxels.len()) {
-        return Err(format!("its array has {} bytes, its shape asks for others", voxels.len()));
-    }
+    let voxels = reader.read_all::<u8>(u64::MAX).map_err(unreadable)?;
     Volume::new(sides, channels, voxels).map_err(|error| error.to_string())
 }
 
 /// Rows of moments, (N, 251) `f32`; else what is wrong with them. Takes no more memory than there are bytes to read.
 pub(crate) fn moments_from_npy(reader: impl Read) -> Result<Vec<[f32; MASK_COUNT]>, String> {
-    let npy = npyz::NpyFile::new(reader).map_err(|error| format!("its array cannot be read: {error}"))?;
-    if npy.shape().get(1) != Some(&(MASK_COUNT as u64)) || npy.shape().len() != 2 || npy.order() != npyz::Order::C {
-        return Err(format!("its array has the shape {:?}, expected (views, {MASK_COUNT})", npy.shape()));
+    let mut reader = c_ordered(reader)?;
+    match *reader.header().shape() {
+        [_, columns] if columns == MASK_COUNT as u64 => {}
+        _ => return Err(format!("{}, expected (views, {MASK_COUNT})", has_shape(&reader))),
     }
-    let values = npy.data::<f32>().map_err(|error| format!("its array is not of f32: {error}"))?;
-    let values: Vec<f32> = values.collect::<Result<_, _>>().map_err(|_| "its array ends early".to_owned())?;
-    let (rows, _) = values.as_chunks::<MASK_COUNT>();
-    Ok(rows.to_vec())
+    let values = reader.read_all::<f32>(u64::MAX).map_err(unreadable)?;
+    Ok(values.as_chunks().0.to_vec())
+}
+
+/// The array of a stream, which must be in C order.
+fn c_ordered<R: Read>(reader: R) -> Result<NpyReader<R>, String> {
+    let reader = NpyReader::new(reader).map_err(unreadable)?;
+    if reader.header().is_fortran_order() { Err("its array is not in C order".into()) } else { Ok(reader) }
+}
+
+fn has_shape<R: Read>(reader: &NpyReader<R>) -> String {
+    format!("its array has the shape {}", reader.header().shape_text())
+}
+
+fn unreadable(error: VolumeError) -> String {
+    format!("its array cannot be read: {error}")
 }
 
 /// An array that is written row by row, in constant memory.
-pub struct NpyRows<T: npyz::AutoSerialize> {
+pub struct NpyRows<T: NpyElement> {
     path: PathBuf,
-    missing: usize,
-    writer: npyz::NpyWriter<T, BufWriter<File>>,
+    writer: NpyWriter<T, BufWriter<File>>,
 }
 
-impl<T: npyz::AutoSerialize> NpyRows<T> {
+impl<T: NpyElement> NpyRows<T> {
     /// Begins an array of the given shape.
     ///
     /// # Errors
     /// [`Error::Io`].
     pub fn create(path: &Path, shape: &[usize]) -> Result<Self, Error> {
-        let failed = |source| Error::file("writing", path, source);
-        let sides: Vec<u64> = shape.iter().map(|&side| side as u64).collect();
-        let file = BufWriter::new(File::create(path).map_err(failed)?);
-        let writer = npyz::WriteOptions::new().default_dtype().shape(&sides).writer(file).begin_nd().map_err(failed)?;
-        Ok(Self { missing: shape.iter().product(), writer, path: path.to_owned() })
+        let writer = NpyWriter::create(path, shape).map_err(|source| Error::file("writing", path, source))?;
+        Ok(Self { path: path.to_owned(), writer })
     }
 
     /// Appends values.
@@ -114,9 +106,10 @@ impl<T: npyz::AutoSerialize> NpyRows<T> {
     /// # Errors
     /// [`Error::Io`]; [`Error::ArrayShape`] where there are more than the shape holds.
     pub fn push(&mut self, values: &[T]) -> Result<(), Error> {
-        self.missing = self.missing.checked_sub(values.len()).ok_or_else(|| self.wrong("longer"))?;
-        let written = values.iter().try_for_each(|value| self.writer.push(value));
-        written.map_err(|source| Error::file("writing", &self.path, source))
+        if values.len() as u64 > self.writer.missing() {
+            return Err(self.wrong("longer"));
+        }
+        self.writer.push(values).map_err(|source| Error::file("writing", &self.path, source))
     }
 
     /// Ends the array.
@@ -124,10 +117,10 @@ impl<T: npyz::AutoSerialize> NpyRows<T> {
     /// # Errors
     /// [`Error::Io`]; [`Error::ArrayShape`] where values are missing.
     pub fn finish(self) -> Result<(), Error> {
-        if self.missing > 0 {
+        if self.writer.missing() > 0 {
             return Err(self.wrong("shorter"));
         }
-        self.writer.finish().map_err(|source| Error::file("writing", &self.path, source))
+        self.writer.finish().map(drop).map_err(|source| Error::file("writing", &self.path, source))
     }
 
     fn wrong(&self, found: &str) -> Error {
@@ -136,64 +129,54 @@ impl<T: npyz::AutoSerialize> NpyRows<T> {
     }
 }
 
-/// A numpy array of moments, (N, 251 V) or (251 V,), f32 or f64 of either byte order, read row by row in constant memory:
+/// An array of moments, (N, 251 V) or (251 V,), f32 or f64 of either byte order, read row by row in constant memory:
 /// the 251 moments of each of V views, side by side.
 pub struct MomentRows {
     path: PathBuf,
     left: u64,
-    file: BufReader<File>,
-    decode: Decode,
-    /// The bytes of one row.
-    bytes: Vec<u8>,
+    reader: NpyReader<BufReader<File>>,
+    /// Values of a row.
+    columns: u64,
+    /// Values are `f64`, else `f32`.
+    double: bool,
 }
-
-/// Appends the numbers of some bytes.
-type Decode = fn(&[u8], &mut Vec<f32>);
 
 impl MomentRows {
     /// Opens an array of one view and reads its header.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::ArrayShape`] where the array is of another shape or type.
+    /// [`Error::Read`] where the file is no array; [`Error::ArrayShape`] where it is one of another shape or type.
     pub fn open(path: &Path) -> Result<Self, Error> {
         Self::open_views(path, 1)
     }
 
-    /// Opens an array of so many views, at least 1, and reads its header.
+    /// Opens an array of `views` views, at least 1, and reads its header.
     ///
     /// # Errors
     /// As [`MomentRows::open`].
     pub fn open_views(path: &Path, views: usize) -> Result<Self, Error> {
-        let failed = |source| Error::file("reading", path, source);
-        let mut file = BufReader::with_capacity(1 << 20, File::open(path).map_err(failed)?);
-        let header = npyz::NpyHeader::from_reader(&mut file).map_err(failed)?;
-        let columns = views * MASK_COUNT;
+        let reader = NpyReader::open(path).map_err(|error| not_an_array(path, error))?;
+        let header = reader.header();
+        let columns = (views * MASK_COUNT) as u64;
         let wrong = |found: String| Error::ArrayShape {
             path: path.to_owned(),
             found,
             expected: format!("an array of shape (N, {columns}) or ({columns},) in C order, of f32 or f64"),
         };
         let left = match *header.shape() {
-            [found] if found == columns as u64 => 1,
-            [rows, found] if found == columns as u64 => rows,
-            ref other => return Err(wrong(format!("of shape {other:?}"))),
+            [found] if found == columns => 1,
+            [rows, found] if found == columns => rows,
+            _ => return Err(wrong(format!("of shape {}", header.shape_text()))),
         };
-        if header.order() == npyz::Order::Fortran && left > 1 {
+        if header.is_fortran_order() && left > 1 {
             return Err(wrong("in Fortran order".into()));
         }
-        let ty = match header.dtype() {
-            DType::Plain(ty) => ty,
-            other => return Err(wrong(format!("of type {}", other.descr()))),
+        let double = match reader.element_type() {
+            Ok(SampleType::F32) => false,
+            Ok(SampleType::F64) => true,
+            _ => return Err(wrong(format!("of type {}", header.type_text()))),
         };
-        let big = ty.endianness() == npyz::Endianness::Big;
-        let (decode, width): (Decode, usize) = match (ty.type_char(), ty.num_bytes(), big) {
-            (npyz::TypeChar::Float, Some(4), false) => (|b, out| decode(b, out, f32::from_le_bytes), 4),
-            (npyz::TypeChar::Float, Some(4), true) => (|b, out| decode(b, out, f32::from_be_bytes), 4),
-            (npyz::TypeChar::Float, Some(8), false) => (|b, out| decode(b, out, |v| f64::from_le_bytes(v) as f32), 8),
-            (npyz::TypeChar::Float, Some(8), true) => (|b, out| decode(b, out, |v| f64::from_be_bytes(v) as f32), 8),
-            _ => return Err(wrong(format!("of type {ty}"))),
-        };
-        Ok(Self { path: path.to_owned(), left, file, decode, bytes: vec![0; columns * width] })
+        Ok(Self { path: path.to_owned(), left, reader, columns, double })
     }
 
     /// How many rows are still to come.
@@ -207,23 +190,30 @@ impl MomentRows {
     }
 
     fn row(&mut self) -> Result<Vec<[f32; MASK_COUNT]>, Error> {
-        self.file.read_exact(&mut self.bytes).map_err(|source| match source.kind() {
-            std::io::ErrorKind::UnexpectedEof => Error::ArrayShape {
+        let values = if self.double {
+            let values = self.reader.read::<f64>(self.columns);
+            values.map(|values| values.into_iter().map(|value| value as f32).collect())
+        } else {
+            self.reader.read::<f32>(self.columns)
+        };
+        let values = values.map_err(|error| match error {
+            VolumeError::Truncated { .. } => Error::ArrayShape {
                 path: self.path.clone(),
                 found: format!("cut short, {} of its rows are not there", self.left + 1),
                 expected: "every row that its header promises (fetch or write the file again)".into(),
             },
-            _ => Error::file("reading", &self.path, source),
+            error => not_an_array(&self.path, error),
         })?;
-        let mut values = Vec::with_capacity(self.bytes.len() / 4);
-        (self.decode)(&self.bytes, &mut values);
         Ok(values.as_chunks().0.to_vec())
     }
 }
 
-/// Numbers from their bytes.
-fn decode<const N: usize>(bytes: &[u8], out: &mut Vec<f32>, number: impl Fn([u8; N]) -> f32) {
-    out.extend(bytes.as_chunks::<N>().0.iter().map(|&bytes| number(bytes)));
+fn not_an_array(path: &Path, error: VolumeError) -> Error {
+    let error = ReadError::new(path, error);
+    Error::Read(match formats::find("npy") {
+        Some(format) => error.with_format(format.info()),
+        None => error,
+    })
 }
 
 /// The moments of a row, view after view.

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::ingest;
 use crate::serve::form::Intake;
-use crate::serve::problem::Problem;
+use crate::serve::problem::{Problem, with_remedy};
 use crate::serve::reply;
 use crate::serve::state::App;
 
@@ -66,7 +66,7 @@ fn ingested(app: &App, intake: &Intake) -> Result<Response, Problem> {
         .into_iter()
         .map(|file| Failed {
             path: intake.shown(&crate::volume::display_path(&file.path)),
-            error: intake.shown(&app.shown(&crate::chain(&file.error))),
+            error: intake.shown(&app.shown(&with_remedy(&file.error))),
         })
         .collect();
     if report.ids.is_empty() {

@@ -205,8 +205,8 @@ fn by_form(app: &App, intake: &Intake) -> Result<Response, Problem> {
     };
     let name = path.file_name().map(|name| display_path(name.as_ref())).unwrap_or_default();
     let (volume, _) = volume::read(path, &reading).map_err(|error| {
-        let path = path.file_name().unwrap_or_default().into();
-        Error::from(volume::ReadError { path, error: error.error })
+        let name = path.file_name().unwrap_or_default().to_owned();
+        Error::from(error.with_path(name))
     })?;
     let descriptor = app.database.describe(&volume)?;
     by_upload(app, &asked, &app.uploads.keep(name, volume, descriptor))

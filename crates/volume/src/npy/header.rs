@@ -3,7 +3,7 @@
 use std::io::{self, ErrorKind, Read};
 
 use super::element::{descr, parse_descr};
-use crate::text::{excerpt, excerpt_bytes};
+use crate::text::{Listed, excerpt, excerpt_bytes};
 use crate::{Endian, SampleType, VolumeError};
 
 /// The longest header that is read. NumPy itself refuses headers of more than 10 000 bytes.
@@ -101,6 +101,16 @@ impl NpyHeader {
     /// The axis lengths, the first axis first; empty for a single value.
     pub fn shape(&self) -> &[u64] {
         &self.shape
+    }
+
+    /// The axis lengths as an error shows them: `[3, 4, 5]`, cut after a few.
+    pub fn shape_text(&self) -> String {
+        Listed(&self.shape).to_string()
+    }
+
+    /// The type as the file writes it and as an error shows it: escaped, and cut after a few characters.
+    pub fn type_text(&self) -> String {
+        excerpt(&self.descr)
     }
 
     /// Whether the first axis is the fastest. If not, the last one is (C order).
