@@ -183,7 +183,8 @@ fn build(database: &Database, recipe: &Recipe, bars: &Bars) -> Result<Option<Tim
         let volumes: Vec<(Meta, Volume)> = of_class
             .par_iter()
             .map(|specimen| {
-                let meta = Meta::named(specimen.name.clone()).tags(specimen.tags.clone()).source(VolumeSource::SYNTHETIC);
+                let meta =
+                    Meta::named(specimen.name.clone()).tags(specimen.tags.clone()).source(VolumeSource::SYNTHETIC);
                 let volume = specimen.volume();
                 bars.advance(1);
                 (meta, volume)

@@ -10,7 +10,7 @@ use hlacdb::hlac::{
     self, ExtractError, Extraction, MASK_COUNT, MASKS, MaskSpacing, MaskedSums, RegionSlabExtractor, SlabExtractor,
     Sums, Voxels,
 };
-use hlacdb::volume::{self, Intensity, ReadError, ReadOptions, Shape, SlabReader, Volume};
+use hlacdb::volume::{self, Intensity, ReadError, Shape, SlabReader, Volume};
 use hlacdb::{Progress, arrays};
 use rayon::prelude::*;
 use serde::Serialize;

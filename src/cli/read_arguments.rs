@@ -65,10 +65,8 @@ impl FromStr for RawType {
 impl ReadArguments {
     /// The library's options.
     pub(crate) fn options(&self) -> ReadOptions {
-        let options = ReadOptions::new()
-            .intensity(self.intensity)
-            .max_voxels(self.max_voxels)
-            .max_inflated(self.max_inflated);
+        let options =
+            ReadOptions::new().intensity(self.intensity).max_voxels(self.max_voxels).max_inflated(self.max_inflated);
         match (self.raw_shape, self.raw_type) {
             (Some(RawShape(shape)), Some(RawType(samples, endian))) => {
                 options.raw(RawLayout::new(shape, samples, endian).offset(self.raw_offset))

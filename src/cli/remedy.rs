@@ -46,7 +46,8 @@ mod tests {
         let large = VolumeError::TooLarge { voxels: 9, limit: 8 };
         assert_eq!(remedy(&large).as_deref(), Some("raise --max-voxels if the file is right"));
         let error = ReadError::new("a.npy", large);
-        let expected = "a.npy: the header promises 9 voxels, more than the limit of 8 (raise --max-voxels if the file is right)";
+        let expected =
+            "a.npy: the header promises 9 voxels, more than the limit of 8 (raise --max-voxels if the file is right)";
         assert_eq!(with_remedy(&error), expected);
         assert_eq!(with_remedy(&hlacdb::Error::Read(error)), expected);
         assert_eq!(remedy(&VolumeError::NotAFile), None);

@@ -1,6 +1,5 @@
 //! Spaces over what other rooms make: synthetic families, their copies under nuisances, and real moments.
 
-
 use hlacdb::hlac::{MASK_COUNT, View};
 use hlacdb::space::{Contribution, Definition, Descriptor, FeatureSet, Features, Prior, Space, Statistics};
 use hlacdb::synth::{self, Nuisance};

@@ -128,7 +128,9 @@ pub enum VolumeError {
         expected: String,
     },
     /// A folder holds too few slices to be a volume.
-    #[error("the folder holds {found} slices, but a volume has at least 3 PNG, JPEG or single-page TIFF slices of one size")]
+    #[error(
+        "the folder holds {found} slices, but a volume has at least 3 PNG, JPEG or single-page TIFF slices of one size"
+    )]
     TooFewSlices {
         /// The number of slices.
         found: usize,
@@ -142,7 +144,9 @@ pub enum VolumeError {
         offset: u64,
     },
     /// Raw samples do not use up their file.
-    #[error("{left_over} bytes are left over after the samples, but shape {shape:?}, type {samples} and offset {offset} must use up all {length} bytes")]
+    #[error(
+        "{left_over} bytes are left over after the samples, but shape {shape:?}, type {samples} and offset {offset} must use up all {length} bytes"
+    )]
     RawLength {
         /// Bytes after the last sample.
         left_over: u64,
@@ -234,7 +238,11 @@ impl VolumeError {
             Self::OutsideFolder { .. } | Self::DataFile { .. } | Self::MissingHalf { .. } => Hint::MoveDataBesideHeader,
             Self::UnknownFormat { .. } => Hint::GiveRawLayout,
             Self::FeatureDisabled { feature, .. } => Hint::EnableFeature(feature),
-            Self::TooSmall { .. } | Self::Length { .. } | Self::OutsideVolume { .. } | Self::NotAFile | Self::Io { .. } => {
+            Self::TooSmall { .. }
+            | Self::Length { .. }
+            | Self::OutsideVolume { .. }
+            | Self::NotAFile
+            | Self::Io { .. } => {
                 return None;
             }
         })

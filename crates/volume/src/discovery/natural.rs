@@ -103,6 +103,7 @@ mod tests {
 
     #[cfg(unix)]
     proptest! {
+        #![proptest_config(hlacdb_testing::cases(128))]
         // Few distinct bytes, so that equal prefixes and equal numbers are frequent; 0xff is never UTF-8.
         #[test]
         fn the_order_is_total(names in prop::collection::vec(prop::collection::vec(prop::sample::select(b"019aZ.\xff".to_vec()), 0..7), 3)) {

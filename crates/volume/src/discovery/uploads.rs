@@ -26,7 +26,8 @@ use crate::formats::{self, has_ending};
 pub fn uploaded_volumes(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found: Vec<PathBuf> = discover(folder, false).filter_map(Result::ok).collect();
     let known: HashSet<&Path> = found.iter().map(PathBuf::as_path).collect();
-    let parts: HashSet<PathBuf> = found.iter().filter(|path| path.is_dir()).flat_map(|path| folder_parts(path)).collect();
+    let parts: HashSet<PathBuf> =
+        found.iter().filter(|path| path.is_dir()).flat_map(|path| folder_parts(path)).collect();
     let mut others = Vec::new();
     for file in files(folder)? {
         let has_header = || known.iter().any(|path| path.parent() == file.parent() && is_header(path));

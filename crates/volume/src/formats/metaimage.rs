@@ -332,10 +332,9 @@ mod tests {
         ] {
             assert!(matches!(refused(local(fields, &u8s())), VolumeError::Malformed { .. }), "{fields}");
         }
-        for fields in [
-            "ElementType = MET_STRING\n",
-            "ElementType = MET_UCHAR\nBinaryData = False\nCompressedData = True\n",
-        ] {
+        for fields in
+            ["ElementType = MET_STRING\n", "ElementType = MET_UCHAR\nBinaryData = False\nCompressedData = True\n"]
+        {
             assert!(matches!(refused(local(fields, &u8s())), VolumeError::Unsupported { .. }), "{fields}");
         }
         for fields in [

@@ -37,12 +37,7 @@ impl Format for Npy {
 }
 
 /// The layout of a volume in an array whose values begin at a byte of a file.
-pub(super) fn layout(
-    header: &NpyHeader,
-    path: &Path,
-    start: u64,
-    max_voxels: u64,
-) -> Result<DataLayout, VolumeError> {
+pub(super) fn layout(header: &NpyHeader, path: &Path, start: u64, max_voxels: u64) -> Result<DataLayout, VolumeError> {
     let (samples, endian) = header.element_type()?;
     let axes = Axes::of_array(&axes(header), max_voxels)?;
     let meaning = if header.is_boolean() { Meaning::Truth } else { Meaning::Numbers };
@@ -91,7 +86,10 @@ mod tests {
         }
         let halved: Vec<f64> = samples().iter().map(|v| (v - 255.0) / 2.0).collect();
         let (found, source) = folder
-            .read("i1.npy", npy(&npy_header("|i1", false, "(3, 4, 5)"), &encode(&halved, SampleType::I8, Endian::Little)))
+            .read(
+                "i1.npy",
+                npy(&npy_header("|i1", false, "(3, 4, 5)"), &encode(&halved, SampleType::I8, Endian::Little)),
+            )
             .unwrap();
         assert_eq!((found.voxels()[59], source.samples), (255, SampleType::I8));
     }

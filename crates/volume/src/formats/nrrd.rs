@@ -240,7 +240,10 @@ fn endian(fields: &Fields, samples: SampleType, encoding: Encoding) -> Result<En
             let found = other.map_or("the header gives no byte order".into(), |text| {
                 format!("the byte order is \"{}\"", excerpt(text))
             });
-            Err(VolumeError::malformed(found, format!("samples of type {samples} need `endian: little` or `endian: big`")))
+            Err(VolumeError::malformed(
+                found,
+                format!("samples of type {samples} need `endian: little` or `endian: big`"),
+            ))
         }
     }
 }
@@ -252,7 +255,8 @@ fn spacing(fields: &Fields, order: &Order) -> Option<VoxelSpacing> {
         (None, Some(directions)) => directions_lengths(directions),
         (None, None) => return None,
     };
-    let of_space = per_axis.iter().enumerate().filter(|(axis, _)| Some(*axis) != order.colour).map(|(_, length)| *length);
+    let of_space =
+        per_axis.iter().enumerate().filter(|(axis, _)| Some(*axis) != order.colour).map(|(_, length)| *length);
     let [x, y, z] = of_space.collect::<Option<Vec<f64>>>()?.try_into().ok()?;
     Some(VoxelSpacing::new([z, y, x])?.unit(unit(fields)))
 }
@@ -452,10 +456,7 @@ mod tests {
         ] {
             assert!(matches!(refused(nrrd(fields, &u8s())), VolumeError::Malformed { .. }), "{fields}");
         }
-        for fields in [
-            "type: block\nencoding: raw\n",
-            "type: uchar\nencoding: zrl\n",
-        ] {
+        for fields in ["type: block\nencoding: raw\n", "type: uchar\nencoding: zrl\n"] {
             assert!(matches!(refused(nrrd(fields, &u8s())), VolumeError::Unsupported { .. }), "{fields}");
         }
         for fields in [

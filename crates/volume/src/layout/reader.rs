@@ -109,7 +109,8 @@ mod tests {
             reader.read_block(origin, shape, &mut out).unwrap();
             out
         };
-        let value = |z: usize, y: usize, x: usize| if (z, y, x) == (2, 3, 4) { 255 } else { (z * 67 + y * 31 + x * 7) as u8 };
+        let value =
+            |z: usize, y: usize, x: usize| if (z, y, x) == (2, 3, 4) { 255 } else { (z * 67 + y * 31 + x * 7) as u8 };
         assert_eq!(read([1, 2, 3], [1, 1, 1]), [value(1, 2, 3), 0]);
         assert_eq!(read([2, 3, 3], [1, 1, 2]), [value(2, 3, 3), 0, 255, 0]);
         let column: Vec<u8> = (0..3).flat_map(|z| [value(z, 1, 4), 0]).collect();

@@ -163,7 +163,8 @@ fn transpose<const N: usize>(
     for (first_l, first_k) in tiles {
         for l in first_l..inner.length.min(first_l + TILE) {
             for k in first_k..outer.length.min(first_k + TILE) {
-                let (at, place) = (from_start + l * inner.from + k * outer.from, to_start + l * inner.to + k * outer.to);
+                let (at, place) =
+                    (from_start + l * inner.from + k * outer.from, to_start + l * inner.to + k * outer.to);
                 if let (Some(sample), Some(place)) = (from.get(at), to.get_mut(place)) {
                     *place = *sample;
                 }
@@ -196,6 +197,7 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(hlacdb_testing::cases(128))]
         /// Whatever the order of the axes in the file, the samples of a box end up where their voxel is.
         #[test]
         fn any_order_of_axes_becomes_that_of_a_volume(

@@ -59,7 +59,10 @@ impl<R: Read> NpyReader<R> {
         let promised = self.header.count().unwrap_or(u64::MAX);
         let [expected, found] = [promised, self.read].map(|values| values.saturating_mul(size));
         if count > promised - self.read {
-            return Err(VolumeError::Truncated { expected: found.saturating_add(count.saturating_mul(size)), found: expected });
+            return Err(VolumeError::Truncated {
+                expected: found.saturating_add(count.saturating_mul(size)),
+                found: expected,
+            });
         }
         let mut bytes = Vec::new();
         append_promised(&mut self.reader, count * size, &mut bytes, "the array", expected, found)?;

@@ -9,10 +9,7 @@ use crate::formats::{self, Access, FormatInfo, VolumeHeader, VolumeReader};
 use crate::layout::check_inflated;
 use crate::rescaling::{self, Rescaler};
 use crate::samples::{self, drop_alpha, kept_channels, not_finite};
-use crate::{
-    MIN_SIDE, Mapping, ReadError, ReadOptions, SampleType, Shape, Volume, VolumeError,
-    VoxelSpacing,
-};
+use crate::{MIN_SIDE, Mapping, ReadError, ReadOptions, SampleType, Shape, Volume, VolumeError, VoxelSpacing};
 
 pub use slabs::{SlabReader, VolumeSlab};
 

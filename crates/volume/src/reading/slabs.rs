@@ -121,12 +121,8 @@ impl SlabReader {
             self.next = self.shape()[0];
         }
         let read = result.map_err(|error| self.file.failed(error))?;
-        let slab = VolumeSlab {
-            first: self.next - read,
-            planes: read,
-            channels: self.channels(),
-            voxels: &self.buffer,
-        };
+        let slab =
+            VolumeSlab { first: self.next - read, planes: read, channels: self.channels(), voxels: &self.buffer };
         Ok((read > 0).then_some(slab))
     }
 
@@ -199,7 +195,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(48))]
+        #![proptest_config(hlacdb_testing::cases(48))]
 
         /// Every type, byte order, number of channels, rule and size of slabs: voxels and mapping are those of the whole.
         #[test]

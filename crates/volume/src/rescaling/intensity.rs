@@ -50,7 +50,9 @@ pub struct Mapping {
 
 /// A text that is not an intensity rule.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{found}` is not an intensity rule: expected full, auto, nonzero, or LO..HI with two finite numbers, LO below HI")]
+#[error(
+    "`{found}` is not an intensity rule: expected full, auto, nonzero, or LO..HI with two finite numbers, LO below HI"
+)]
 pub struct IntensityError {
     /// The text.
     pub found: String,

@@ -7,7 +7,9 @@ use hlacdb_volume::{
     Endian, Intensity, RawLayout, ReadOptions, SampleType, Volume, VolumeError, VolumeSource, formats,
 };
 
-use crate::support::{entries, real_volume};
+use hlacdb_testing::data;
+
+use crate::support::entries;
 
 fn fixtures() -> PathBuf {
     crate::support::fixtures().join("volumes")
@@ -81,9 +83,7 @@ fn format_samples_and_spacing_are_reported() {
 #[test]
 fn a_window_is_in_the_units_of_the_file() {
     let (deep, scaled) = (fixtures().join("deep.npy"), fixtures().join("deep_scaled.nii"));
-    let windowed = |path: &Path, lo, hi| {
-        read(path, &ReadOptions::new().intensity(Intensity::Window { lo, hi })).0
-    };
+    let windowed = |path: &Path, lo, hi| read(path, &ReadOptions::new().intensity(Intensity::Window { lo, hi })).0;
     // Its header says: a quarter of the stored sample, plus 100.
     assert_eq!(windowed(&deep, -1000.0, 3000.0), windowed(&scaled, -150.0, 850.0));
     assert_ne!(windowed(&deep, -1000.0, 3000.0), windowed(&scaled, -1000.0, 3000.0));
@@ -131,7 +131,7 @@ fn real_volumes_are_what_numpy_computes_from_other_readers() {
         ("sandstone_generated_f32.npy", [64; 3], SampleType::F32, 1_120_010_355_062, 1_145_672_298_455),
         ("blue_noise_64_u32.raw", [64; 3], SampleType::U32, 1_094_317_223_218, 1_094_309_038_951),
     ] {
-        let Some(path) = real_volume(name) else { continue };
+        let Some(path) = data(name) else { continue };
         for (intensity, expected) in [(Intensity::Full, full), (Intensity::Auto, auto)] {
             let options = ReadOptions::new().intensity(intensity).raw(raw);
             let (volume, source) = read(&path, &options);

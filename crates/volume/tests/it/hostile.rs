@@ -100,7 +100,7 @@ fn survives(path: &Path, intensity: Intensity) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(700))]
+    #![proptest_config(hlacdb_testing::cases(700))]
 
     #[test]
     fn damaged_files_are_read_or_refused(

@@ -98,7 +98,7 @@ fn block(shape: [usize; 3], corners: [Index; 6]) -> ([usize; 3], [usize; 3]) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(hlacdb_testing::cases(24))]
 
     /// Random boxes of every fixture, several of one open file, so that reading goes back as well as on.
     #[test]

@@ -7,7 +7,9 @@ use proptest::prelude::*;
 
 use hlacdb_volume::{Intensity, ReadOptions, SampleType, Volume, VolumeSource, discover, read};
 
-use crate::support::{assert_bounded, chain, fixtures, real_volume};
+use hlacdb_testing::data;
+
+use crate::support::{assert_bounded, chain, fixtures};
 
 /// A fixture; all are written by `make.py` beside them.
 fn fixture(name: &str) -> PathBuf {
@@ -101,11 +103,7 @@ fn folders_of_slices_are_volumes_in_natural_order() {
     ] {
         let (read, source) = read_window(name, 0.0, hi);
         assert_eq!(read, volume, "{name}");
-        assert_eq!(
-            (source.format, source.samples, source.mapping.is_some()),
-            ("slices", kind, hi > 255.0),
-            "{name}"
-        );
+        assert_eq!((source.format, source.samples, source.mapping.is_some()), ("slices", kind, hi > 255.0), "{name}");
     }
 }
 
@@ -264,7 +262,7 @@ fn links_are_followed_and_loops_reported_once() {
 
 #[test]
 fn the_ketton_scan_is_read() {
-    let Some(path) = real_volume("ketton_microct.tif") else { return };
+    let Some(path) = data("ketton_microct.tif") else { return };
     let (volume, source) = read(&path, &ReadOptions::new()).unwrap();
     assert_eq!((volume.shape(), volume.channels(), source.format), ([256, 256, 256], 1, "tiff"));
     assert!(volume.voxels().iter().all(|&voxel| voxel == 0 || voxel == 255));
@@ -274,7 +272,7 @@ fn the_ketton_scan_is_read() {
 
 #[test]
 fn the_saucer_is_read_in_colour() {
-    let Some(path) = real_volume("saucer.vox") else { return };
+    let Some(path) = data("saucer.vox") else { return };
     let (volume, source) = read(&path, &ReadOptions::new()).unwrap();
     assert_eq!((volume.channels(), source.format, source.mapping), (3, "vox", None));
     let filled = volume.voxels().as_chunks::<3>().0.iter().filter(|&&colour| colour != [0; 3]).count();
@@ -295,7 +293,7 @@ fn all_files() -> Vec<PathBuf> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(hlacdb_testing::cases(400))]
 
     /// A damaged file is read or refused, by itself and as one of three slices.
     #[test]

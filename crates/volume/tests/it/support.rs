@@ -25,19 +25,6 @@ pub(crate) fn all_fixtures() -> Vec<PathBuf> {
     all
 }
 
-/// A real volume of the folder that `HLACDB_DATA` names, by default `../shared/data` beside the repository. Without it,
-/// `None` and a word on stderr, or a failure where `HLACDB_REQUIRE_DATA` is 1.
-pub(crate) fn real_volume(name: &str) -> Option<PathBuf> {
-    let default = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let path = std::env::var_os("HLACDB_DATA").map_or_else(default, PathBuf::from).join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    assert!(std::env::var("HLACDB_REQUIRE_DATA").as_deref() != Ok("1"), "{} is missing", path.display());
-    eprintln!("skipped: {name} is missing");
-    None
-}
-
 /// A folder that is removed with the test.
 pub(crate) struct Folder(TempDir);
 

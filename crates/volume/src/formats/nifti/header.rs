@@ -82,7 +82,8 @@ impl NiftiHeader {
             header.datatype = i16::from_le_bytes(field.at(12)?);
             header.offset = i64::from_le_bytes(field.at(168)?) as f64;
             header.units = i32::from_le_bytes(field.at(500)?);
-            header.calibration = Calibration::new(f64::from_le_bytes(field.at(176)?), f64::from_le_bytes(field.at(184)?));
+            header.calibration =
+                Calibration::new(f64::from_le_bytes(field.at(176)?), f64::from_le_bytes(field.at(184)?));
         } else {
             for (axis, length) in header.dim.iter_mut().enumerate() {
                 *length = i16::from_le_bytes(field.at(40 + 2 * axis)?).into();

@@ -1,7 +1,7 @@
 //! Every form, type and byte order, pairs, and headers that are wrong.
 
-use super::*;
 use super::header::SIZE_1;
+use super::*;
 use crate::testing::{Folder, encode, gzip, read as read_file, samples, volume};
 use crate::{Endian, Intensity, LengthUnit, SampleType, VoxelSpacing, read as read_any};
 
@@ -98,11 +98,7 @@ fn every_form_type_and_byte_order() {
             let bytes = Written { datatype, ..form.clone() }.single(ty);
             for (name, bytes) in [("a.nii.gz", gzip(&bytes)), ("told by content", bytes)] {
                 let (found, source) = folder.read(name, bytes).unwrap();
-                assert_eq!(
-                    (found, source.samples, source.format),
-                    (volume(), ty, "nifti"),
-                    "{name} {datatype}"
-                );
+                assert_eq!((found, source.samples, source.format), (volume(), ty, "nifti"), "{name} {datatype}");
                 let spacing = VoxelSpacing::new([2.0, 0.75, 0.5]).unwrap().unit(Some(LengthUnit::Micrometer));
                 assert_eq!(source.spacing, Some(spacing));
             }

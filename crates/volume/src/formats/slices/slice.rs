@@ -9,12 +9,12 @@ use std::io::BufReader;
 use image::{ColorType, ImageDecoder, ImageReader};
 
 use super::TIFF;
+use crate::VolumeError;
 use crate::formats::has_ending;
 use crate::formats::plane_format::PlaneFormat;
 #[cfg(feature = "tiff")]
 use crate::formats::tiff::SinglePage;
 use crate::text::excerpt_name;
-use crate::VolumeError;
 #[cfg(feature = "images")]
 use crate::{Endian, SampleType, formats::plane_format::check_credible, layout::open_file, samples::make_little};
 

@@ -73,7 +73,7 @@ fn grey(shape: [usize; 3], seed: u8) -> Vec<u8> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(hlacdb_testing::cases(48))]
     #[test]
     fn bytes_come_back_as_they_were(shape in [3..6_usize, 3..20_usize, 3..20_usize], seed: u8, packing in packing()) {
         let voxels = grey(shape, seed);

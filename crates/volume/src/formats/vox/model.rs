@@ -128,7 +128,12 @@ impl OneModel {
         }
         match u32::max(sizes, voxels) {
             1 if (sizes, voxels) == (1, 1) => {}
-            0 | 1 => return Err(VolumeError::malformed(format!("the .vox file has {sizes} sizes and {voxels} sets of voxels"), "a model has one of each")),
+            0 | 1 => {
+                return Err(VolumeError::malformed(
+                    format!("the .vox file has {sizes} sizes and {voxels} sets of voxels"),
+                    "a model has one of each",
+                ));
+            }
             models => return Err(VolumeError::SeveralVolumes { what: format!("a .vox file of {models} models") }),
         }
         let length = u32::try_from(kept.len()).map_err(|_| cut())?.to_le_bytes();
@@ -271,6 +276,7 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(hlacdb_testing::cases(128))]
         #[test]
         fn no_bytes_panic(changes in prop::collection::vec((0..1100_usize, any::<u8>()), 1..6), cut in 0..1200_usize) {
             let mut bytes = small();
