@@ -1,13 +1,13 @@
-//! How fast the exact sums are made: every kernel, one thread and all, beside the bound of this very machine.
+//! The speed of the exact sums: every kernel, on one thread and on all, against the bound of this machine.
 //!
 //! ```text
 //! cargo bench --bench extract                 # the table, then criterion's own measurements
 //! cargo bench --bench extract -- --table      # the table only
 //! ```
 //!
-//! The bound is 237 multiply-adds (the masks of three cells) to a window, at the rate that the machine multiplies and
-//! adds words in registers, measured in the same run. Answers are compared with the scalar reference first. Times of the
-//! table are the best of many calls, so that a busy machine shows what an idle one does.
+//! The bound is 237 multiply-adds per window (the masks of three cells), at the rate at which the machine multiplies and
+//! adds words in registers, measured in the same run. Sums are compared with the scalar reference first. Times in the
+//! table are the best of many calls, so that load on the machine affects them little.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use hlacdb::hlac::{
-    self, ExtractError, Extraction, MASK_COUNT, MASKS, MaskSpacing, MaskedSums, RegionSlabExtractor, SlabExtractor,
+    self, ExtractError, Extraction, MASK_COUNT, MASKS, MaskSpacing, RegionSlabExtractor, RegionSums, SlabExtractor,
     Sums, Voxels,
 };
 use hlacdb::volume::{self, Intensity, ReadError, Shape, SlabReader, Volume};
@@ -160,7 +160,7 @@ impl Answer {
     }
 
     /// `windows` are those of the whole volume.
-    fn within(sums: &MaskedSums, windows: u64) -> Self {
+    fn within(sums: &RegionSums, windows: u64) -> Self {
         Self { windows, sums: sums.values, moments: sums.moments(), counts: Some(sums.windows) }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::kernel::{self, Input};
 use crate::voxels::{Shape, check_shape};
-use crate::{ExtractError, OctantSums, RegionSlabExtractor, RegionSums, SlabExtractor, Voxels};
+use crate::{ExtractError, OctantSums, RegionOctantSums, RegionSlabExtractor, SlabExtractor, Voxels};
 
 /// How far apart the cells of a window are, in voxels: the window is a cube of 3, 5 or 9 voxels a side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -91,14 +91,14 @@ impl Extraction {
     /// # Errors
     /// - [`ExtractError::TooSmall`] if no window of this spacing fits.
     /// - [`ExtractError::RegionShape`] if the region has another shape than the volume.
-    pub fn sums_in(&self, voxels: Voxels<'_>, region: Voxels<'_>) -> Result<RegionSums, ExtractError> {
+    pub fn sums_in(&self, voxels: Voxels<'_>, region: Voxels<'_>) -> Result<RegionOctantSums, ExtractError> {
         let shape = voxels.shape();
         check_shape(shape, self.spacing)?;
         if region.shape() != shape {
             return Err(ExtractError::RegionShape { volume: shape, region: region.shape() });
         }
         let (masked, inside) = within(voxels.as_slice(), region.as_slice());
-        Ok(RegionSums::of(&self.run(shape, &masked), &self.run(shape, &inside)))
+        Ok(RegionOctantSums::of(&self.run(shape, &masked), &self.run(shape, &inside)))
     }
 
     /// Takes a volume of `shape` (Z, Y, X) plane by plane.

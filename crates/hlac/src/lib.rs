@@ -75,7 +75,7 @@ pub use hit_sum::{HitSums, extract_hit_sum};
 pub use masks::{MASK_COUNT, MASKS, MASKS_BY_ORDER, Mask};
 pub use sampled::extract_sampled;
 pub use slabs::{RegionSlabExtractor, SlabExtractor};
-pub use sums::{MaskedSums, OctantSums, RegionSums, Sums};
+pub use sums::{OctantSums, RegionOctantSums, RegionSums, Sums};
 pub use views::{MIN_SCALED_SIDE, UnknownView, View, ViewScale, describe};
 pub use voxels::{VoxelBuf, Voxels};
 

@@ -5,7 +5,7 @@
 //! orbit is the same in all 48 orientations. So is their spread *within* an orbit, which measures how anisotropic the
 //! texture is.
 //!
-//! Orbits are numbered by their first mask in the paper's order, so also by their number of cells. The numbers never
+//! Orbits are numbered in the order of their first masks, and are thereby sorted by number of cells. The numbers never
 //! change: they may be stored.
 
 use std::ops::Range;

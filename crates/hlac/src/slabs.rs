@@ -3,7 +3,7 @@
 use crate::extraction::within;
 use crate::kernel::Input;
 use crate::voxels::Shape;
-use crate::{ExtractError, Extraction, OctantSums, RegionSums};
+use crate::{ExtractError, Extraction, OctantSums, RegionOctantSums};
 
 /// Takes a grey volume's Z-planes in order and gives its octant sums, the same bits as [`extract`](crate::extract) of the
 /// whole.
@@ -129,7 +129,7 @@ impl RegionSlabExtractor {
     ///
     /// # Errors
     /// [`ExtractError::Planes`] if planes are missing.
-    pub fn finish(self) -> Result<RegionSums, ExtractError> {
-        Ok(RegionSums::of(&self.values.finish()?, &self.inside.finish()?))
+    pub fn finish(self) -> Result<RegionOctantSums, ExtractError> {
+        Ok(RegionOctantSums::of(&self.values.finish()?, &self.inside.finish()?))
     }
 }

@@ -103,14 +103,14 @@ impl AddAssign<&OctantSums> for OctantSums {
 
 /// Sums within a region: every mask has its own number of windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct MaskedSums {
+pub struct RegionSums {
     /// For each mask, the number of windows in which all of its cells lie in the region.
     pub windows: [u64; MASK_COUNT],
     /// For each mask, in the order of [`MASKS`], the sum over those windows of the product of the intensities.
     pub values: [u64; MASK_COUNT],
 }
 
-impl MaskedSums {
+impl RegionSums {
     /// The moments: `sums / (windows * 255^cells)`, each in [0, 1]; 0 for a mask without windows.
     pub fn moments(&self) -> [f64; MASK_COUNT] {
         let mut moments = [0.0; MASK_COUNT];
@@ -126,9 +126,9 @@ impl MaskedSums {
 
 /// The sums within a region, by octant in the order of [`OctantSums`].
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RegionSums(Box<[MaskedSums; 8]>);
+pub struct RegionOctantSums(Box<[RegionSums; 8]>);
 
-impl RegionSums {
+impl RegionOctantSums {
     /// From the sums of the voxels with everything outside the region set to 0, and those of the region as 0 and 255.
     pub(crate) fn of(values: &OctantSums, inside: &OctantSums) -> Self {
         Self(Box::new(std::array::from_fn(|octant| {
@@ -136,18 +136,18 @@ impl RegionSums {
             for (count, mask) in windows.iter_mut().zip(&MASKS) {
                 *count /= 255_u64.pow(mask.order() as u32);
             }
-            MaskedSums { windows, values: values.0[octant].values }
+            RegionSums { windows, values: values.0[octant].values }
         })))
     }
 
     /// The sums of the eight octants.
-    pub fn octants(&self) -> &[MaskedSums; 8] {
+    pub fn octants(&self) -> &[RegionSums; 8] {
         &self.0
     }
 
     /// The sums of the whole region.
-    pub fn total(&self) -> MaskedSums {
-        let mut total = MaskedSums { windows: [0; MASK_COUNT], values: [0; MASK_COUNT] };
+    pub fn total(&self) -> RegionSums {
+        let mut total = RegionSums { windows: [0; MASK_COUNT], values: [0; MASK_COUNT] };
         for sums in self.0.iter() {
             for index in 0..MASK_COUNT {
                 total.windows[index] += sums.windows[index];

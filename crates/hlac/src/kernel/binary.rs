@@ -14,12 +14,13 @@ pub(super) fn is_binary(voxels: &[u8]) -> bool {
     voxels.chunks(4096).all(|chunk| chunk.iter().fold(true, |binary, voxel| binary & (voxel.wrapping_add(1) <= 1)))
 }
 
-/// What a input adds to the octant sums of its volume, where every voxel that is not 0 counts as 255.
+/// What an input adds to the octant sums of its volume, where every voxel that is not 0 counts as 255.
 pub(crate) fn sums(input: &Input<'_>) -> OctantSums {
     #[cfg(target_arch = "x86_64")]
     {
-        if is_x86_feature_detected!("avx512vl") && is_x86_feature_detected!("avx512vpopcntdq") {
-            // SAFETY: the CPU was just found to have AVX-512 VL and VPOPCNTDQ, and so F.
+        let has_avx512 = is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl");
+        if has_avx512 && is_x86_feature_detected!("avx512vpopcntdq") {
+            // SAFETY: the CPU was just found to have AVX-512 F, VL and VPOPCNTDQ.
             return unsafe { sums_avx512(input) };
         }
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("popcnt") {

@@ -9,7 +9,7 @@ use super::plan::{ONE, slots};
 use super::tiles::Plan;
 use crate::OctantSums;
 
-/// What the windows of a input add to the octant sums of its volume.
+/// What the windows of an input add to the octant sums of its volume.
 ///
 /// # Safety
 /// The CPU must have the instructions of `V`, and they must be enabled for the calling function, which this one is inlined
