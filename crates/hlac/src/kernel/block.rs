@@ -12,7 +12,7 @@ pub(super) const CHUNK: [usize; 2] = [16, 32];
 /// The number of rows that a 32-bit lane can sum: each adds two products of at most 32 768 x 255 to it.
 pub(super) const BLOCK_ROWS: usize = 128;
 
-/// The thirds of the plans: 27 cells and [`ONE`].
+/// The number of thirds of the plans: 27 cells and [`ONE`].
 pub(super) const THIRDS: usize = ONE + 1;
 
 /// Words, aligned to the widest register.
@@ -182,7 +182,7 @@ impl<'a, V: Lanes> Block<'a, V> {
         Self { memory, first, planes, row_pairs, single_rows, lanes: PhantomData }
     }
 
-    /// The rows that are taken two at a time, as the first of each two.
+    /// The first row of each pair of rows.
     #[inline(always)]
     pub(super) fn row_pairs(&mut self) -> impl Iterator<Item = Row<V>> + use<V> {
         Steps::new(self.first_row(), self.planes, self.row_pairs, 2)
@@ -252,8 +252,8 @@ impl<'a, V: Lanes> Block<'a, V> {
 
 /// Sums the rows of each packed plane, and adds them to the sums of the thirds.
 ///
-/// The sums of cells that differ in y only differ by the first and last rows, and a plane serves up to three layers of cells:
-/// this takes a few additions per row instead of 27.
+/// The sums of two cells that differ in y alone differ by the first and last rows, and a plane serves up to three layers of
+/// cells: this takes a few additions per row instead of 27.
 ///
 /// # Safety
 /// The CPU must have the instructions of `V`; `planes + 2` planes of `rows + 2` rows must be packed.

@@ -106,7 +106,7 @@ impl Contrast {
         let [depth, height, width] = shape;
         let plane = height * width;
         let mut differences = vec![0_i16; voxels.len()];
-        // Sums over 3x3 in the planes z - 1, z, z + 1; plane p is kept in slot p % 3.
+        // Sums over 3x3 in the planes z - 1, z, z + 1; slot p % 3 holds plane p.
         let mut sums = [const { Vec::new() }; 3].map(|_: Vec<i16>| vec![0_i16; plane]);
         let mut rows = vec![0_i16; plane];
         let mut fill =
