@@ -87,26 +87,14 @@ impl Uses {
         uses
     }
 
-    /// For every group of files that all lead to one another, its shortest circle.
+    /// For every file that leads to itself its shortest circle, each circle once.
     fn circles(&self) -> Vec<Vec<&str>> {
-        let mut circles = Vec::new();
-        let mut done: BTreeSet<&str> = BTreeSet::new();
-        for start in self.code.keys() {
-            if done.contains(start.as_str()) {
-                continue;
-            }
-            let forward = self.reached(start);
-            let group: Vec<&str> = forward
-                .keys()
-                .copied()
-                .filter(|file| *file == start || self.reached(file).contains_key(&**start))
-                .collect();
-            done.extend(&group);
-            if let Some(shortest) = group.iter().filter_map(|file| self.shortest_circle(file)).min_by_key(Vec::len) {
-                circles.push(shortest);
-            }
+        let mut circles = BTreeMap::new();
+        for circle in self.code.keys().filter_map(|file| self.shortest_circle(file)) {
+            let files: BTreeSet<&str> = circle.iter().copied().collect();
+            circles.entry(files).or_insert(circle);
         }
-        circles
+        circles.into_values().collect()
     }
 
     /// All files that a file leads to, each with the one before it on a shortest way.
@@ -279,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn of_several_files_the_shortest_circle_is_told() {
+    fn the_shortest_circle_of_each_file_is_found() {
         let files = [
             ("src/lib.rs", "mod a; mod b; mod c; #[path = \"../else/d.rs\"] mod d;"),
             ("src/a.rs", "pub fn a() { crate::b::b() }"),
@@ -287,7 +275,8 @@ mod tests {
             ("src/c.rs", "pub fn c() { super::a::a() }"),
             ("else/d.rs", "pub fn d() { self::inside::e() } mod inside { pub fn e() { super::super::b::b() } }"),
         ];
-        assert_eq!(circles(&files), ["else/d.rs -> src/b.rs -> else/d.rs"]);
+        let expected = ["else/d.rs -> src/b.rs -> else/d.rs", "src/a.rs -> src/b.rs -> src/c.rs -> src/a.rs"];
+        assert_eq!(circles(&files), expected);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::kernel::{self, Input};
 use crate::voxels::{Shape, check_shape};
-use crate::{ExtractError, OctantSums, RegionOctantSums, RegionSlabExtractor, SlabExtractor, Voxels};
+use crate::{ExtractError, OctantSums, RegionOctantSums, Voxels};
 
 /// How far apart the cells of a window are, in voxels: the window is a cube of 3, 5 or 9 voxels a side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -99,23 +99,6 @@ impl Extraction {
         }
         let (masked, inside) = within(voxels.as_slice(), region.as_slice());
         Ok(RegionOctantSums::of(&self.run(shape, &masked), &self.run(shape, &inside)))
-    }
-
-    /// Takes a volume of `shape` (Z, Y, X) plane by plane.
-    ///
-    /// # Errors
-    /// - [`ExtractError::TooSmall`] if no window of this spacing fits.
-    /// - [`ExtractError::TooLarge`] if the number of voxels or windows is too large.
-    pub fn slabs(&self, shape: [usize; 3]) -> Result<SlabExtractor, ExtractError> {
-        SlabExtractor::with_options(shape, *self)
-    }
-
-    /// Takes a volume of `shape` (Z, Y, X) and a region plane by plane.
-    ///
-    /// # Errors
-    /// As for [`slabs`](Self::slabs).
-    pub fn region_slabs(&self, shape: [usize; 3]) -> Result<RegionSlabExtractor, ExtractError> {
-        RegionSlabExtractor::with_options(shape, *self)
     }
 
     /// The spacing in voxels.

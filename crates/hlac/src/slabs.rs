@@ -5,6 +5,25 @@ use crate::kernel::Input;
 use crate::voxels::Shape;
 use crate::{ExtractError, Extraction, OctantSums, RegionOctantSums};
 
+impl Extraction {
+    /// Takes a volume of `shape` (Z, Y, X) plane by plane.
+    ///
+    /// # Errors
+    /// - [`ExtractError::TooSmall`] if no window of this spacing fits.
+    /// - [`ExtractError::TooLarge`] if the number of voxels or windows is too large.
+    pub fn slabs(&self, shape: [usize; 3]) -> Result<SlabExtractor, ExtractError> {
+        SlabExtractor::with_options(shape, *self)
+    }
+
+    /// Takes a volume of `shape` (Z, Y, X) and a region plane by plane.
+    ///
+    /// # Errors
+    /// As for [`slabs`](Self::slabs).
+    pub fn region_slabs(&self, shape: [usize; 3]) -> Result<RegionSlabExtractor, ExtractError> {
+        RegionSlabExtractor::with_options(shape, *self)
+    }
+}
+
 /// Takes a grey volume's Z-planes in order and gives its octant sums, the same bits as [`extract`](crate::extract) of the
 /// whole.
 ///
