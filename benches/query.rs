@@ -1,11 +1,11 @@
-//! Warm questions and builds: `cargo bench --bench query`.
+//! Queries to an index in memory, and builds of trees: `cargo bench --bench query`.
 //!
-//! For 600 to a million points of 32 coordinates it first prints medians and 95th percentiles over a thousand questions
-//! that are no rows, linear and k-d tree in one run, after checking that both give the same bits. Then criterion
-//! measures the same for comparison between versions (`cargo bench --bench query -- index/100000` for a part), and whole
-//! questions to a database of 600 textures, names and tags read from the store (`-- database`).
+//! For 600 to a million points of 32 coordinates it first prints the median and the 95th percentile of a thousand queries,
+//! by scan and by tree in one run, after checking that both give the same bits. Queries are not rows of the index. Then
+//! criterion measures the same, to compare versions (`cargo bench --bench query -- index/100000` for a part), and whole
+//! queries to a database of 600 textures, with names and tags from the store (`-- database`).
 
-// A bench that cannot set up its input has nothing to say.
+// A bench that cannot set up its input should stop.
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
 
 #[path = "support/points.rs"]
@@ -22,9 +22,9 @@ use hlacdb::{OpenOptions, Query};
 use points::{DIMS, Origin};
 
 const SIZES: [usize; 4] = [600, 10_000, 100_000, 1_000_000];
-const QUESTIONS: usize = 1000;
+const QUERIES: usize = 1000;
 
-/// An index with its tree.
+/// An index with a tree.
 fn index(rows: usize, coordinates: &[f32]) -> Index {
     let ids: Vec<u64> = (1..=rows as u64).collect();
     let mut index = Index::from_points(Points::from_rows(Metric::L2, DIMS, &ids, coordinates).unwrap());
@@ -32,7 +32,7 @@ fn index(rows: usize, coordinates: &[f32]) -> Index {
     index
 }
 
-fn ask(index: &Index, point: &[f32], k: usize, method: Method) -> Vec<(u64, u64)> {
+fn search(index: &Index, point: &[f32], k: usize, method: Method) -> Vec<(u64, u64)> {
     let hits = index.search(&KnnQuery::nearest(point, k), method).unwrap();
     hits.iter().map(|hit| (hit.id, hit.distance.to_bits())).collect()
 }
@@ -44,15 +44,15 @@ fn figures(mut times: Vec<Duration>) -> String {
     format!("{:9.1} {:9.1}", at(50), at(95))
 }
 
-/// The table of medians, after the answers were compared.
-fn table(index: &Index, questions: &[f32]) {
+/// Compares the answers, then prints the table of medians.
+fn table(index: &Index, queries: &[f32]) {
     let rows = index.points().len();
     for k in [10, 30] {
-        for point in questions.chunks_exact(DIMS).take(100) {
-            assert_eq!(ask(index, point, k, Method::Linear), ask(index, point, k, Method::KdTree), "{rows} rows");
+        for point in queries.chunks_exact(DIMS).take(100) {
+            assert_eq!(search(index, point, k, Method::Linear), search(index, point, k, Method::KdTree), "{rows} rows");
         }
         for method in [Method::Linear, Method::KdTree, Method::Auto] {
-            let times = questions.chunks_exact(DIMS).map(|point| {
+            let times = queries.chunks_exact(DIMS).map(|point| {
                 let start = Instant::now();
                 black_box(index.search(&KnnQuery::nearest(point, k), method).unwrap());
                 start.elapsed()
@@ -64,18 +64,18 @@ fn table(index: &Index, questions: &[f32]) {
 
 fn index_benches(criterion: &mut Criterion) {
     let origin = Origin::find();
-    let questions = origin.drawn(QUESTIONS, 99);
+    let queries = origin.drawn(QUERIES, 99);
     println!("points: {}", origin.name());
     println!("    rows   k index   median us    95 % us");
     for rows in SIZES {
         let coordinates = origin.points(rows, rows as u64);
         let index = index(rows, &coordinates);
-        table(&index, &questions);
+        table(&index, &queries);
         let mut group = criterion.benchmark_group(format!("index/{rows}"));
         group.sample_size(20);
         for k in [10, 30] {
             for method in [Method::Linear, Method::KdTree] {
-                let mut points = questions.chunks_exact(DIMS).cycle();
+                let mut points = queries.chunks_exact(DIMS).cycle();
                 group.bench_function(BenchmarkId::new(method.name(), k), |bench| {
                     bench.iter_batched(
                         || points.next().unwrap(),
@@ -91,7 +91,7 @@ fn index_benches(criterion: &mut Criterion) {
     }
 }
 
-/// The paper's question: the top 30 of 600, names and tags included.
+/// The paper's query: the nearest 30 of 600 textures, with names and tags.
 fn database_benches(criterion: &mut Criterion) {
     let folder = tempfile::tempdir().unwrap();
     let database = OpenOptions::new().views(&[View::Full]).open(folder.path().join("t.hlacdb")).unwrap();

@@ -1,6 +1,5 @@
-//! What likeness costs: describing a texture in all its views, counting it, fitting a space, mapping to points.
-//!
-//! `cargo bench --bench space`. Each bench checks its answer once before it is timed.
+//! Describing a texture in all views, adding it to statistics, fitting a space, and mapping to points: `cargo bench --bench
+//! space`. Each bench checks its result once before it is timed.
 
 use std::hint::black_box;
 
@@ -39,13 +38,13 @@ fn describing(criterion: &mut Criterion) {
 
 fn counting(criterion: &mut Criterion) {
     let described = described();
-    for recipe in [FeatureSet::plain(), FeatureSet::oriented(), FeatureSet::pooled()] {
-        let contribution = Contribution::from_sums(&recipe, &described).ok().flatten();
+    for feature_set in [FeatureSet::plain(), FeatureSet::oriented(), FeatureSet::pooled()] {
+        let contribution = Contribution::from_sums(&feature_set, &described).ok().flatten();
         let Some(contribution) = contribution else { continue };
-        let mut statistics = Statistics::new(&recipe);
-        let mut group = criterion.benchmark_group(format!("count {recipe}"));
+        let mut statistics = Statistics::new(&feature_set);
+        let mut group = criterion.benchmark_group(format!("count {feature_set}"));
         group.bench_function("features", |bencher| {
-            bencher.iter(|| Contribution::from_sums(&recipe, black_box(&described)))
+            bencher.iter(|| Contribution::from_sums(&feature_set, black_box(&described)))
         });
         group.bench_function("add", |bencher| bencher.iter(|| statistics.add(black_box(&contribution))));
         group.bench_function("encode", |bencher| bencher.iter(|| black_box(&statistics).encode()));

@@ -180,7 +180,7 @@ fn scores(
     let mut whole = Statistics::new(&definition.feature_set);
     stored.iter().try_for_each(|texture| whole.add(texture))?;
     let features = |textures: &[Texture]| -> Vec<Features> {
-        textures.iter().map(|texture| definition.feature_set.features(&texture.descriptor)).collect()
+        textures.iter().map(|texture| texture.descriptor.features(&definition.feature_set)).collect()
     };
     let (query_features, store_features) = (features(queries), features(store));
     // The paper's experiment has two classes: to leave one out is to leave half the store out.

@@ -39,7 +39,6 @@ mod error;
 pub mod eval;
 pub mod index;
 pub mod ingest;
-mod isolated;
 #[path = "../migrations/mod.rs"]
 pub mod migrations;
 mod progress;
@@ -67,8 +66,7 @@ pub use database::{
     VerifyReport, arrays,
 };
 pub use describe::{describe, octant_sums};
-pub use error::{Error, ExampleKind, ExchangeError, Hint, IngestError, MaintenanceError, QueryError, chain};
+pub use error::{Error, chain};
 pub use hlac;
 pub use hlacdb_volume as volume;
 pub use progress::Progress;
-pub use store::{OpenError, StoreError};

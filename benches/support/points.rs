@@ -1,8 +1,8 @@
-//! Points to measure on: many, of 32 coordinates and unit norm, of the low intrinsic dimension that descriptors have.
+//! Points for benchmarks: many, of 32 coordinates and unit norm, with the low intrinsic dimension of descriptors.
 //!
-//! Where `../shared/data/moments_20k.npy` is there, real descriptors are mapped by a fit like that of the default space
+//! If `../shared/data/moments_20k.npy` exists, real descriptors are mapped by a fit like that of the default space
 //! (degree roots, z-scores, principal axes weighted by a falling spectrum, unit norm, rotated to their own principal
-//! axes), and rows beyond 20 000 lie between two near ones, with noise of 1e-4 on the degree roots. Elsewhere points
+//! axes), and rows beyond 20 000 lie between two near ones, with noise of 1e-4 on the degree roots. Otherwise points
 //! are drawn around smooth surfaces of eight latent coordinates. Either way the seed fixes every bit of the input.
 
 use std::path::Path;
@@ -19,7 +19,7 @@ use rayon::prelude::*;
 /// Coordinates of a point.
 pub(crate) const DIMS: usize = 32;
 
-/// Rows drawn by one stream of random numbers.
+/// Rows drawn from one stream of random numbers.
 const PART: usize = 4096;
 
 /// Where points come from.
@@ -31,7 +31,7 @@ pub(crate) enum Origin {
 }
 
 impl Origin {
-    /// The real descriptors where they are.
+    /// The real descriptors, if they exist.
     pub(crate) fn find() -> Self {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/moments_20k.npy");
         if !Path::new(path).exists() {
@@ -41,7 +41,7 @@ impl Origin {
         Origin::Moments(Fit::new(&file.read_all::<f32>(u64::MAX).expect("its values are f32")))
     }
 
-    /// What is printed beside the figures.
+    /// The name printed with the figures.
     pub(crate) fn name(&self) -> &'static str {
         match self {
             Origin::Moments(_) => "moments_20k.npy, interpolated",
@@ -57,7 +57,7 @@ impl Origin {
         }
     }
 
-    /// `rows` points that are in no other set with another seed.
+    /// `rows` points that differ from those of any other seed.
     pub(crate) fn drawn(&self, rows: usize, seed: u64) -> Vec<f32> {
         let draw = |(part, rows): (u64, usize)| {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -72,14 +72,14 @@ impl Origin {
     }
 }
 
-/// Real descriptors and the map that makes points of them.
+/// Real descriptors, and their map to points.
 pub(crate) struct Fit {
     /// Degree roots, 251 a row.
     roots: Vec<f64>,
     mean: DVector<f64>,
     map: DMatrix<f64>,
     rotation: DMatrix<f64>,
-    /// The rows near each row.
+    /// The nearest rows of each row.
     near: Graph,
 }
 
@@ -101,13 +101,7 @@ impl Fit {
         let kept = 64;
         let weight = |j: usize| 1.0 / ((j as f64 / kept as f64 + 0.02).sqrt() * values[j].sqrt());
         let map = DMatrix::from_fn(MOMENTS, DIMS, |i, j| vectors[(i, j)] * weight(j) / deviations[i]);
-        let mut fit = Self {
-            roots,
-            mean,
-            map,
-            rotation: DMatrix::identity(DIMS, DIMS),
-            near: Graph { ids: vec![], neighbours: vec![] },
-        };
+        let mut fit = Self { roots, mean, map, rotation: DMatrix::identity(DIMS, DIMS), near: Graph::default() };
         let points = fit.map_rows(&fit.roots);
         let rows = DMatrix::from_row_iterator(points.len() / DIMS, DIMS, points.iter().map(|&v| f64::from(v)));
         fit.rotation = descending(scatter(&rows).1).1;
@@ -163,7 +157,7 @@ fn descending(matrix: DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
     (order.iter().map(|&i| eigen.eigenvalues[i].max(1e-12)).collect(), vectors)
 }
 
-/// Near enough to a normal deviate: the sum of four uniform ones, of variance 1.
+/// An approximately normal number of variance 1: the sum of four uniform ones.
 fn normal(rng: &mut ChaCha8Rng) -> f64 {
     let bits = rng.next_u64();
     let sum: u64 = (0..4).map(|part| bits >> (16 * part) & 0xffff).sum();

@@ -2,14 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::{Mutex, RwLock};
+use std::sync::{Arc, Mutex, RwLock};
 
 use super::handle::Database;
-use super::points::state::LiveSpaces;
 use super::points::statistics_cache::StatisticsCache;
 use crate::error::Error;
 use crate::hlac::View;
-use crate::store::{OpenError, Options, Settings, Store, ViewCode, Volumes};
+use crate::store::{Options, Settings, Store, ViewCode, Volumes};
 
 /// How a database is opened, and what a new store is made for.
 ///
@@ -24,25 +23,17 @@ pub struct OpenOptions {
     create: bool,
     views: Vec<View>,
     volumes: Volumes,
-    cache_bytes: usize,
+    cache_bytes: Option<usize>,
 }
 
 impl Default for OpenOptions {
     fn default() -> Self {
         let views = View::STANDARD.to_vec();
-        let cache_bytes = Self::DEFAULT_CACHE_BYTES;
-        Self { read_only: false, create: true, views, volumes: Volumes::Keep, cache_bytes }
+        Self { read_only: false, create: true, views, volumes: Volumes::Keep, cache_bytes: None }
     }
 }
 
 impl OpenOptions {
-    /// The default of [`OpenOptions::cache_bytes`].
-    ///
-    /// ```
-    /// assert_eq!(hlacdb::OpenOptions::DEFAULT_CACHE_BYTES, 256 << 20);
-    /// ```
-    pub const DEFAULT_CACHE_BYTES: usize = Options::DEFAULT_CACHE_BYTES;
-
     /// For reading and writing; a store is made where there is none, with the default views and with voxels.
     pub fn new() -> Self {
         Self::default()
@@ -76,28 +67,31 @@ impl OpenOptions {
         self
     }
 
-    /// The memory, in bytes, that may be used to cache pages of the file. The default is
-    /// [`OpenOptions::DEFAULT_CACHE_BYTES`], 256 MiB.
+    /// How many bytes of the file may be held in memory; 1 GiB unless said.
     #[must_use]
     pub fn cache_bytes(mut self, bytes: usize) -> Self {
-        self.cache_bytes = bytes;
+        self.cache_bytes = Some(bytes);
         self
     }
 
     /// Opens the store at `path`.
     ///
     /// # Errors
-    /// [`Error::Open`]: there is no store and none is to be created; the file is not a store, or has a newer or older
-    /// format; another writer has it open; or (read-only) it must be recovered first ([`Error::needs_repair`]).
+    /// [`Error::NoStore`] where there is none and none is to be made; [`Error::Store`] where the file is not a store, is
+    /// newer or older than this version, is held by another writer, or (read-only) must be repaired first
+    /// ([`Error::needs_repair`]).
     pub fn open(&self, path: impl AsRef<Path>) -> Result<Database, Error> {
         let path = path.as_ref();
-        let options = self.store_options();
+        let mut options = Options::default();
+        if let Some(bytes) = self.cache_bytes {
+            options = options.cache_bytes(bytes);
+        }
         let exists = path.try_exists().map_err(|source| Error::file("looking at", path, source))?;
         let store = match (exists, self.read_only, self.create) {
             (true, true, _) => options.open_read_only(path)?,
             (true, false, _) => options.open(path)?,
             (false, false, true) => options.create(path, &self.settings())?,
-            (false, ..) => return Err(OpenError::NoStore { path: path.to_path_buf() }.into()),
+            (false, ..) => return Err(Error::NoStore { path: path.to_path_buf() }),
         };
         Ok(Self::database(path, store))
     }
@@ -108,7 +102,7 @@ impl OpenOptions {
     /// As [`OpenOptions::open`].
     pub fn open_with_backend(&self, backend: impl redb::StorageBackend) -> Result<Database, Error> {
         let empty = backend.len().map_err(|source| Error::io("looking at the backend", source))? == 0;
-        let options = self.store_options();
+        let options = Options::default();
         let store = match empty {
             true => options.create_with_backend(backend, &self.settings())?,
             false => options.open_with_backend(backend)?,
@@ -116,17 +110,13 @@ impl OpenOptions {
         Ok(Self::database(Path::new("(backend)"), store))
     }
 
-    fn store_options(&self) -> Options {
-        Options::default().cache_bytes(self.cache_bytes)
-    }
-
     fn database(path: &Path, store: Store) -> Database {
         Database {
             path: path.to_path_buf(),
             store,
             statistics: Mutex::new(StatisticsCache::default()),
-            spaces: LiveSpaces::default(),
-            loading: Mutex::new(()),
+            spaces: Arc::default(),
+            building: Mutex::new(()),
             filtered: Mutex::new(None),
             catalogue: RwLock::default(),
             listing: Mutex::new(()),

@@ -1,31 +1,38 @@
-//! Rows packed so that near ones stand together: what lies within a limit is found by passes over whole vectors.
+//! [`BoxTree`]: rows in k-d order under three levels of bounding boxes, searched by passes over vectors.
 //!
-//! Rows are put in order by halving them again and again, each part where its keys vary most (a k-d order that looks at
-//! the rows, not at the level), so 16 of them (a *block*) have a small bounding box, and so have 16 blocks (a *group*)
-//! and 16 groups (a *cluster*). Rows are bounded by codes (see `scalar_quantisation.rs`), of their keys first and then of their points: 15
-//! and 32 bytes instead of 64 and 128, so that a million rows of 32 coordinates take 55 MB here. Boxes are of the keys'
-//! codes too, and as these are whole numbers a box is never farther away than a code in it. Boxes and codes stand interleaved:
-//! one pass bounds 16 clusters, another the 16 groups of a cluster, another the 16 blocks of a group, another the 16 rows
-//! of a block.
+//! Rows are sorted by halving recursively: each part is split along the number of the keys that varies most in it. After
+//! that 16 consecutive rows (a *block*) have a small bounding box, and so have 16 blocks (a *group*) and 16 groups (a
+//! *cluster*). Bounds of rows come from quantised numbers (see `scalar_quantisation.rs`), first of their keys and then of
+//! their points: 15 and 32 bytes instead of 64 and 128, so that the tree of a million rows of 32 coordinates takes 55 MB.
+//! Boxes bound the quantised keys. Since these are integers, a box is never farther away than a key in it. Boxes and
+//! codes are interleaved: one pass bounds 16 clusters, another the 16 groups of a cluster, another the 16 blocks of a
+//! group, another the 16 rows of a block.
 //!
-//! Measured (32 coordinates of real descriptors, k = 10, one busy core, medians of a thousand questions, in one run):
+//! # Measurements
 //!
-//! * Won: this order instead of that of kiddo's leaves, which halves each number of the keys in turn: 120 instead of
-//!   180 us at 100 k rows, 550 instead of 870 us at 1 M. Codes of points instead of finer keys (7 more directions in
-//!   `f32`), which leave tens of rows to measure instead of hundreds: 490 us at 1 M. Codes of keys and no branches on
-//!   what was just read: 410 us. No proposals of another tree before: 68 us at 100 k, 260 us at 1 M.
-//! * Won: the same code compiled for AVX2 as well (see `multiversion.rs`): medians of four alternating runs of the program 440 -> 330 us at
-//!   1 M rows, 100 -> 75 us at 100 k.
-//! * Won: asking for blocks before they are looked at, and boxes of all 15 numbers: 270 -> 220 us at 1 M in the middle of three
-//!   alternating runs (boxes of codes of 8 or 11 numbers were no better than those of 8 in `f32`).
-//! * Lost: steps of 4 or 8 groups at first (twice the time at 10 k rows); byte arithmetic in whole numbers, which the
-//!   compiler turns the wrong way round (160 instead of 118 us at 100 k).
+//! 32 coordinates of real descriptors, k = 10, one core under load, medians of a thousand queries in one run, at 100 k and
+//! 1 M rows:
+//!
+//! | step | 100 k | 1 M |
+//! |---|---|---|
+//! | order of kiddo's leaves, which splits along each number of the keys in turn | 180 us | 870 us |
+//! | order by the number that varies most | 120 us | 550 us |
+//! | quantised points instead of longer keys (7 more directions in `f32`): tens of distances instead of hundreds | | 490 us |
+//! | quantised keys; no branches on values that were just read | | 410 us |
+//! | no candidates from another tree beforehand | 68 us | 260 us |
+//!
+//! Compiling for AVX2 as well (see `multiversion.rs`) took it from 100 to 75 us and from 440 to 330 us (medians of four
+//! alternating runs of the program). Prefetching blocks, with boxes of all 15 numbers, took it from 270 to 220 us at 1 M
+//! (the middle of three alternating runs); boxes of 8 or 11 quantised numbers were no better than boxes of 8 in `f32`.
+//!
+//! Tried and slower: starting with 4 or 8 groups (twice the time at 10 k rows); integer arithmetic on bytes, which the
+//! compiler vectorises badly (160 instead of 118 us at 100 k).
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use super::Points;
-use super::lower_bound::{LANES, Probe};
+use super::lower_bound::{LANES, QueryKey};
 use super::multiversion::{multiversioned, prefetch};
 use super::scalar_quantisation::{self, QuantisedQuery, Quantiser};
 use crate::space::Metric;
@@ -37,53 +44,53 @@ const CLUSTER: usize = GROUP * LANES;
 /// A row and its key.
 pub(super) type Entry<const K: usize> = (u32, [f32; K]);
 
-/// Keys of rows, and the boxes around them.
+/// Quantised rows in k-d order, and the boxes around them. A *place* is a position in this order.
 pub(super) struct BoxTree {
-    /// Rows by their places, which the order gave them.
+    /// The row at each place.
     rows: Vec<u32>,
-    /// Codes of keys, an array for each of their numbers for every block.
+    /// Quantised keys: for every block an array for each number of a key.
     keys: Vec<[i8; LANES]>,
-    key_steps: Quantiser,
-    /// Codes of points, `dims` for every place.
+    key_quantiser: Quantiser,
+    /// Quantised points: `dims` numbers for every place.
     codes: Vec<i8>,
-    steps: Quantiser,
+    quantiser: Quantiser,
     blocks: Boxes,
     groups: Boxes,
     clusters: Boxes,
 }
 
 impl BoxTree {
-    /// Puts rows of `points` in order and packs them, by the threads of the current rayon pool where they are many.
+    /// Builds the tree of these rows of `points`; many rows are sorted by the threads of the current rayon pool.
     pub(super) fn new<const K: usize>(points: &Points, mut entries: Vec<Entry<K>>) -> Self {
-        arrange(&mut entries);
+        sort(&mut entries);
         let rows: Vec<u32> = entries.iter().map(|&(row, _)| row).collect();
-        let (key_steps, key_codes) =
-            Quantiser::code(points.metric(), &rows, points.key_numbers(), |row, into| points.all_keys(row, into));
-        let (steps, codes) =
-            Quantiser::code(points.metric(), &rows, points.dims(), |row, into| into.copy_from_slice(points.row(row)));
+        let (key_quantiser, key_codes) =
+            Quantiser::fit(points.metric(), &rows, points.key_numbers(), |row, into| points.long_key(row, into));
+        let (quantiser, codes) =
+            Quantiser::fit(points.metric(), &rows, points.dims(), |row, into| into.copy_from_slice(points.row(row)));
         let keys = interleaved(&key_codes, points.key_numbers());
         let blocks = Boxes::around(points.metric(), &keys, points.key_numbers(), rows.len());
         let groups = blocks.around_sixteens();
         let clusters = groups.around_sixteens();
-        Self { rows, keys, key_steps, codes, steps, blocks, groups, clusters }
+        Self { rows, keys, key_quantiser, codes, quantiser, blocks, groups, clusters }
     }
 
-    /// Visits every row that may be at most `limit` away from `point`, roughly the nearest first. `visit` returns the
-    /// limit from then on, which must not grow, or `None` to end the sweep. True if it was not ended.
+    /// Visits every row that may be at most `limit` away from `point`, roughly in order of distance. `visit` returns the new
+    /// limit, which must not be larger, or `None` to stop. True if it was not stopped.
     ///
-    /// Memory is what it waits for, so each step goes over all that the one before left and collects without a branch on
-    /// what was just read: the processor then reads ahead. Loops are plain here: what iterators do with closures need not be
-    /// inlined, and would then know no wide vectors.
+    /// The time is dominated by memory access. Each step therefore processes everything that the step before left, and
+    /// collects results without branches on the values just read, so that the CPU can read ahead. Loops are written
+    /// plainly: closures inside iterator adapters may not be inlined and would then be compiled without AVX2.
     pub(super) fn sweep(
         &self,
         point: &[f32],
-        probe: &Probe,
+        query_key: &QueryKey,
         limit: f64,
         visit: impl FnMut(u32) -> Option<f64>,
     ) -> bool {
         multiversioned(
             #[inline(always)]
-            || self.sweep_here(point, probe, limit, visit),
+            || self.sweep_here(point, query_key, limit, visit),
         )
     }
 
@@ -91,12 +98,12 @@ impl BoxTree {
     fn sweep_here(
         &self,
         point: &[f32],
-        probe: &Probe,
+        query_key: &QueryKey,
         mut limit: f64,
         mut visit: impl FnMut(u32) -> Option<f64>,
     ) -> bool {
-        let (own_key, own) = (self.key_steps.of(&probe.numbers()), self.steps.of(point));
-        let reach = |limit: f64| self.key_steps.threshold(&own_key, limit + probe.slack()) as f32;
+        let (own_key, own) = (self.key_quantiser.query(&query_key.numbers()), self.quantiser.query(point));
+        let reach = |limit: f64| self.key_quantiser.threshold(&own_key, limit + query_key.slack()) as f32;
         let mut groups = self.groups_within(&own_key, reach(limit));
         let (mut blocks, mut places, mut some) = (vec![], vec![], 1);
         while !groups.is_empty() {
@@ -116,7 +123,7 @@ impl BoxTree {
                 }
                 self.rows_within(block, &own_key, threshold, &mut places);
             }
-            let mut code_threshold = self.steps.threshold(&own, limit);
+            let mut code_threshold = self.quantiser.threshold(&own, limit);
             let mut coded = Vec::with_capacity(places.len());
             for (at, &place) in places.iter().enumerate() {
                 if let Some(&soon) = places.get(at + AHEAD) {
@@ -134,7 +141,7 @@ impl BoxTree {
                 let Some(now) = visit(self.rows[place as usize]) else { return false };
                 if now < limit {
                     limit = now;
-                    code_threshold = self.steps.threshold(&own, limit);
+                    code_threshold = self.quantiser.threshold(&own, limit);
                 }
             }
             let threshold = reach(limit);
@@ -144,7 +151,7 @@ impl BoxTree {
         true
     }
 
-    /// The groups that are at most `threshold` away, and how far.
+    /// The groups that are at most `threshold` away, with their distances.
     #[inline(always)]
     fn groups_within(&self, own: &QuantisedQuery, threshold: f32) -> Vec<(f32, u32)> {
         let (mut clusters, mut groups) = (vec![], vec![]);
@@ -157,11 +164,11 @@ impl BoxTree {
         groups
     }
 
-    /// Appends the places of the rows of a block whose keys' codes are at most `threshold` away.
+    /// Appends the places of the rows of a block whose quantised keys are at most `threshold` away.
     #[inline(always)]
     fn rows_within(&self, block: u32, own: &QuantisedQuery, threshold: f32, places: &mut Vec<u32>) {
         let (first, keys) = (block * LANES as u32, self.keys_of(block));
-        let bounds = match self.key_steps.metric {
+        let bounds = match self.key_quantiser.metric {
             Metric::L2 => add_lanes(keys, &own.code, |d| d * d),
             Metric::L1 => add_lanes(keys, &own.code, f32::abs),
         };
@@ -170,35 +177,35 @@ impl BoxTree {
             *within = (first + lane as u32, bounds[lane] <= threshold);
         }
         append(places, within);
-        // The last block may have fewer rows.
+        // The last block may be incomplete.
         while places.last().is_some_and(|&place| place as usize >= self.rows.len()) {
             places.pop();
         }
     }
 
-    /// The codes of the keys of a block; none where there is no such block.
+    /// The quantised keys of a block; empty if there is no such block.
     #[inline(always)]
     fn keys_of(&self, block: u32) -> &[[i8; LANES]] {
-        let (block, numbers) = (block as usize, self.key_steps.numbers());
+        let (block, numbers) = (block as usize, self.key_quantiser.numbers());
         self.keys.get(block * numbers..(block + 1) * numbers).unwrap_or_default()
     }
 
-    /// The code of the point at a place, which must exist.
+    /// The quantised point at a place, which must exist.
     #[inline(always)]
     fn code(&self, place: u32) -> &[i8] {
-        let dims = self.steps.numbers();
+        let dims = self.quantiser.numbers();
         &self.codes[place as usize * dims..][..dims]
     }
 
-    /// The distance of the point at a place from a query, in codes.
+    /// The distance between the quantised point at a place and a quantised query.
     #[inline(always)]
     fn bound(&self, place: u32, own: &QuantisedQuery) -> u32 {
-        scalar_quantisation::distance(self.steps.metric, self.code(place), &own.code)
+        scalar_quantisation::distance(self.quantiser.metric, self.code(place), &own.code)
     }
 }
 
-/// The distances of 16 codes from one. All are whole numbers below 2^24, which `f32` adds exactly, and in whole vectors,
-/// as compilers do not with bytes.
+/// The distances between 16 quantised keys and one. All numbers are integers below 2^24, which `f32` adds exactly and in
+/// vectors, unlike bytes.
 #[inline(always)]
 fn add_lanes(keys: &[[i8; LANES]], own: &[i16], term: impl Fn(f32) -> f32) -> [f32; LANES] {
     let mut bounds = [0.0; LANES];
@@ -210,7 +217,7 @@ fn add_lanes(keys: &[[i8; LANES]], own: &[i16], term: impl Fn(f32) -> f32) -> [f
     bounds
 }
 
-/// Codes of `numbers` each, 16 of them interleaved; the last 16 are filled up with zeros.
+/// Interleaves 16 codes of `numbers` each; the last 16 are padded with zeros.
 fn interleaved(codes: &[i8], numbers: usize) -> Vec<[i8; LANES]> {
     let mut lanes = vec![[0; LANES]; codes.len().div_ceil(numbers * LANES) * numbers];
     for (block, lanes) in codes.chunks(numbers * LANES).zip(lanes.chunks_exact_mut(numbers)) {
@@ -221,13 +228,13 @@ fn interleaved(codes: &[i8], numbers: usize) -> Vec<[i8; LANES]> {
     lanes
 }
 
-/// So many blocks, or rows, are asked for before they are looked at.
+/// The number of blocks, or rows, that are prefetched.
 const AHEAD: usize = 6;
 
-/// Each step looks at so many times the groups of the one before: the limit is known better.
+/// Each step processes this many times the groups of the step before, since the limit is tighter by then.
 const GROWTH: usize = 8;
 
-/// Takes the `some` nearest out of `groups`, in any order.
+/// Removes the `some` nearest groups and returns them, in any order.
 fn nearest(groups: &mut Vec<(f32, u32)>, some: usize) -> Vec<(f32, u32)> {
     if groups.len() <= some {
         return std::mem::take(groups);
@@ -237,14 +244,14 @@ fn nearest(groups: &mut Vec<(f32, u32)>, some: usize) -> Vec<(f32, u32)> {
     std::mem::replace(groups, far)
 }
 
-/// Appends those that are wanted, without a branch for each.
+/// Appends the candidates that are wanted, without a branch for each.
 #[inline(always)]
 fn append<T: Copy + Default>(to: &mut Vec<T>, candidates: [(T, bool); LANES]) {
     let (from, mut count) = (to.len(), 0);
     to.resize(from + LANES, T::default());
     if let Some(slots) = to[from..].first_chunk_mut::<LANES>() {
         for (candidate, is_wanted) in candidates {
-            // As many as came before at most: never out of bounds.
+            // `count` is at most the number of candidates before this one, so the remainder changes nothing.
             slots[count % LANES] = candidate;
             count += usize::from(is_wanted);
         }
@@ -252,9 +259,9 @@ fn append<T: Copy + Default>(to: &mut Vec<T>, candidates: [(T, bool); LANES]) {
     to.truncate(from + count);
 }
 
-/// Puts entries in an order in which near ones stand together: see the module.
-fn arrange<const K: usize>(entries: &mut [Entry<K>]) {
-    // Parts are whole clusters, groups or blocks, whichever is the greatest that halves them.
+/// Sorts entries into k-d order; see the module.
+fn sort<const K: usize>(entries: &mut [Entry<K>]) {
+    // Parts are whole clusters, groups or blocks: the largest unit that is smaller than the part.
     let unit = [CLUSTER, GROUP, LANES].into_iter().find(|&unit| entries.len() > unit);
     let Some(unit) = unit else { return };
     let axis = widest(entries);
@@ -262,14 +269,14 @@ fn arrange<const K: usize>(entries: &mut [Entry<K>]) {
     entries.select_nth_unstable_by(middle, |(_, a), (_, b)| a[axis].total_cmp(&b[axis]));
     let (first, second) = entries.split_at_mut(middle);
     if middle >= CLUSTER {
-        rayon::join(|| arrange(first), || arrange(second));
+        rayon::join(|| sort(first), || sort(second));
     } else {
-        arrange(first);
-        arrange(second);
+        sort(first);
+        sort(second);
     }
 }
 
-/// The number of the keys that varies most, judged by some thousand of them.
+/// The number of the keys with the largest variance, estimated from about a thousand keys.
 fn widest<const K: usize>(entries: &[Entry<K>]) -> usize {
     let step = (entries.len() / 1024).max(1);
     let (mut sums, mut squares, mut count) = ([0.0f64; K], [0.0f64; K], 0.0);
@@ -284,8 +291,8 @@ fn widest<const K: usize>(entries: &[Entry<K>]) -> usize {
     (0..K).max_by(|&a, &b| variance(a).total_cmp(&variance(b))).unwrap_or(0)
 }
 
-/// Boxes around codes of keys that stand in order, 16 of them interleaved: the least and the greatest of each number of a
-/// key in turn. Where there are no more things, boxes are those of nothing: nothing is in them.
+/// Bounding boxes, 16 of them interleaved: for each number of a key the 16 minima, then the 16 maxima. Boxes beyond `count`
+/// contain 0 and are ignored.
 struct Boxes {
     metric: Metric,
     numbers: usize,
@@ -294,7 +301,7 @@ struct Boxes {
 }
 
 impl Boxes {
-    /// Around every 16 of `count` codes of `numbers` each, which stand interleaved.
+    /// The boxes of every 16 of `count` interleaved keys of `numbers` each.
     fn around(metric: Metric, keys: &[[i8; LANES]], numbers: usize, count: usize) -> Self {
         Self::new(metric, numbers, count.div_ceil(LANES), |block, number| {
             let there = (count - block * LANES).min(LANES);
@@ -302,7 +309,7 @@ impl Boxes {
         })
     }
 
-    /// Around every 16 of these boxes.
+    /// The boxes of every 16 of these boxes.
     fn around_sixteens(&self) -> Self {
         Self::new(self.metric, self.numbers, self.sixteens(), |sixteen, number| {
             let (at, there) = ((sixteen * self.numbers + number) * 2, (self.count - sixteen * LANES).min(LANES));
@@ -311,7 +318,7 @@ impl Boxes {
         })
     }
 
-    /// `extent` gives the least and the greatest of one number of one thing.
+    /// `extent(box, number)` is the minimum and maximum of one number in one box.
     fn new(metric: Metric, numbers: usize, count: usize, extent: impl Fn(usize, usize) -> [i8; 2]) -> Self {
         let mut lanes = Vec::with_capacity(count.div_ceil(LANES) * numbers * 2);
         for first in (0..count).step_by(LANES) {
@@ -326,12 +333,12 @@ impl Boxes {
         Self { metric, numbers, count, lanes }
     }
 
-    /// How many times 16 boxes there are.
+    /// The number of runs of 16 boxes.
     fn sixteens(&self) -> usize {
         self.count.div_ceil(LANES)
     }
 
-    /// Asks for 16 boxes that will be looked at soon.
+    /// Prefetches 16 boxes.
     #[inline(always)]
     fn prefetch(&self, sixteen: u32) {
         let sixteen = sixteen as usize;
@@ -340,8 +347,8 @@ impl Boxes {
         }
     }
 
-    /// Appends those of the `sixteen`th 16 boxes (none where there are no more) that are at most `threshold` away, and how
-    /// far.
+    /// Appends the boxes of run `sixteen` that are at most `threshold` away, with their distances; none if there is no such
+    /// run.
     #[inline(always)]
     fn within(&self, sixteen: u32, own: &QuantisedQuery, threshold: f32, found: &mut Vec<(f32, u32)>) {
         let sixteen = sixteen as usize;
@@ -356,14 +363,14 @@ impl Boxes {
             *within = ((bounds[lane], first + lane as u32), bounds[lane] <= threshold);
         }
         append(found, within);
-        // The last boxes may be fewer.
+        // The last run may be incomplete.
         while found.last().is_some_and(|&(_, at)| at as usize >= self.count) {
             found.pop();
         }
     }
 }
 
-/// How far a code is from 16 boxes, in whole numbers as for [`add_lanes`]; 0 inside a box.
+/// The distances between a quantised key and 16 boxes, in integers as in [`add_lanes`]; 0 inside a box.
 #[inline(always)]
 fn box_lanes(boxes: &[[i8; LANES]], own: &[i16], term: impl Fn(f32) -> f32) -> [f32; LANES] {
     let mut sums = [0.0f32; LANES];
@@ -372,7 +379,7 @@ fn box_lanes(boxes: &[[i8; LANES]], own: &[i16], term: impl Fn(f32) -> f32) -> [
         let own = f32::from(own);
         for lane in 0..LANES {
             let (below, above) = (f32::from(least[lane]) - own, own - f32::from(most[lane]));
-            // Plain comparisons: single instructions on vectors, which `f32::max` is not.
+            // Comparisons compile to single vector instructions; `f32::max` does not.
             let outside = if below > above { below } else { above };
             sums[lane] += term(if outside > 0.0 { outside } else { 0.0 });
         }
@@ -380,7 +387,7 @@ fn box_lanes(boxes: &[[i8; LANES]], own: &[i16], term: impl Fn(f32) -> f32) -> [
     sums
 }
 
-/// What holds all of these extents.
+/// The smallest extent that contains all of these.
 fn extent(all: impl Iterator<Item = [i8; 2]>) -> [i8; 2] {
     all.fold([i8::MAX, i8::MIN], |[least, most], [a, b]| [least.min(a), most.max(b)])
 }
@@ -389,7 +396,7 @@ fn extent(all: impl Iterator<Item = [i8; 2]>) -> [i8; 2] {
 mod tests {
     use super::*;
 
-    /// Rows enough for several clusters, the last of each kind of part not full.
+    /// Enough rows for several clusters, with incomplete blocks, groups and clusters at the end.
     #[test]
     fn every_row_is_visited_once() {
         for rows in [1, 15, 16, 17, 255, 257, 4097, 9001] {
@@ -402,35 +409,35 @@ mod tests {
                 points.key(row, &mut key);
                 (row as u32, key)
             });
-            let packed = BoxTree::new(&points, entries.collect());
+            let tree = BoxTree::new(&points, entries.collect());
             let point = &values[..12];
             let mut visited = vec![];
-            assert!(packed.sweep(point, &points.probe(point), f64::INFINITY, |row| {
+            assert!(tree.sweep(point, &points.query_key(point), f64::INFINITY, |row| {
                 visited.push(row);
                 Some(f64::INFINITY)
             }));
-            // The same, in the same order, without wide vectors.
+            // The baseline version visits the same rows in the same order.
             for limit in [f64::INFINITY, 0.7] {
-                let [mut wide, mut narrow] = [vec![], vec![]];
+                let [mut avx2, mut baseline] = [vec![], vec![]];
                 let near = |seen: &mut Vec<u32>, row| {
                     seen.push(row);
                     Some(limit)
                 };
-                packed.sweep(point, &points.probe(point), limit, |row| near(&mut wide, row));
-                packed.sweep_here(point, &points.probe(point), limit, |row| near(&mut narrow, row));
-                assert_eq!(wide, narrow);
+                tree.sweep(point, &points.query_key(point), limit, |row| near(&mut avx2, row));
+                tree.sweep_here(point, &points.query_key(point), limit, |row| near(&mut baseline, row));
+                assert_eq!(avx2, baseline);
             }
             visited.sort_unstable();
             assert_eq!(visited, (0..rows as u32).collect::<Vec<_>>());
-            assert!(!packed.sweep(point, &points.probe(point), f64::INFINITY, |_| None));
+            assert!(!tree.sweep(point, &points.query_key(point), f64::INFINITY, |_| None));
         }
     }
 
     #[test]
-    fn near_rows_stand_together() {
+    fn blocks_contain_neighbouring_rows() {
         let mut entries: Vec<Entry<4>> =
             (0..5000).map(|row| (row, [((row * 7919) % 5000) as f32, 0.0, 0.5, 0.0])).collect();
-        arrange(&mut entries);
+        sort(&mut entries);
         for block in entries.chunks(LANES) {
             let least = block.iter().fold(f32::INFINITY, |least, (_, key)| least.min(key[0]));
             let most = block.iter().fold(0.0, |most: f32, (_, key)| most.max(key[0]));

@@ -1,26 +1,27 @@
-//! The scan of a store that was just opened: codes are read from one end to the other, points only where they matter.
+//! [`DiskScan`]: a query answered from disk, which reads the codes of all points and the coordinates of few.
 //!
-//! A store keeps a *code* of every point ([`quantise`]) apart from the points: each coordinate in steps of 1/127, one byte.
-//! A code is off by at most half a step in each coordinate, so the distance of two codes tells that of their points to
-//! within a known margin, from a quarter of the bytes. [`DiskScan`] takes the codes block by block; now and then
-//! [`DiskScan::settle`] measures the nearest rows so far, whose distances tell which of the others, and of those to come,
-//! cannot matter. The answer is that of [`super::Index::search`] to the bit.
+//! A store contains the *code* of every point ([`quantise`]) apart from the points: one byte per coordinate, in steps of
+//! 1/127. A code is off by at most half a step in each coordinate, so the distance between two codes bounds that between
+//! their points, for a quarter of the bytes. The caller passes codes to [`DiskScan::push_codes`] block by block. From
+//! time to time [`DiskScan::refine`] computes the distances of the nearest rows so far, which exclude most other rows,
+//! read or still to come. The answer equals that of [`super::Index::search`] to the bit.
 //!
 //! # The margin
 //!
-//! With `c(x)` the coordinates cut to [-1, 1] and `r(x)` those in whole steps: cutting brings no two points farther apart,
-//! and `|r(x)/127 - c(x)|` is at most `1/254` in each coordinate, so `e = sqrt(d)/254` (L2) or `d/254` (L1) in all. The
-//! query's own error is known. So `distance(r(x), r(q)) / 127 <= distance(x, q) + e + own error` (see `scalar_quantisation.rs`).
+//! Let `c(x)` be the coordinates clamped to [-1, 1] and `r(x)` those in whole steps. Clamping increases no distance, and
+//! `|r(x)/127 - c(x)|` is at most `1/254` in each coordinate, so at most `e = sqrt(d)/254` (L2) or `e = d/254` (L1) in all.
+//! The error of the query is known. So `distance(r(x), r(q)) / 127 <= distance(x, q) + e + error of the query` (see
+//! `scalar_quantisation.rs`).
 //!
-//! Measured (a million points of a store of moments, 32 coordinates, k = 10): seven leading coordinates and the norm of the
-//! rest (32 bytes a row as well) left some thousand rows to fetch, codes leave some dozen.
+//! For a million points of a store of moments (32 coordinates, k = 10) a few dozen rows are fetched. Keys of the same size
+//! (seven leading coordinates and the norm of the rest) would leave some thousand.
 
-use super::query::TopK;
 use super::scalar_quantisation::{self, NO_POINT, STEPS, quantise};
+use super::top_k::TopK;
 use super::{IndexError, KnnQuery, Neighbour};
 use crate::space::Metric;
 
-/// A row that may matter.
+/// A row that may be a hit.
 #[derive(Clone, Copy)]
 struct Candidate {
     bound: u32,
@@ -28,22 +29,25 @@ struct Candidate {
     id: u64,
 }
 
-/// So many rows may wait before the nearest of them are measured.
+/// The number of candidates above which [`DiskScan::refine`] should be called.
 const MANY: usize = 4096;
 
-/// One question on its way through a store. See the module.
+/// A running scan for one query. See the module's documentation.
 pub struct DiskScan<'q> {
     metric: Metric,
     query: KnnQuery<'q>,
     codes: Vec<i16>,
-    /// How much the distance of two codes may exceed that of their points.
+    /// The most by which the distance between codes, divided by 127, exceeds that between points.
     slack: f64,
     best: TopK,
     candidates: Vec<Candidate>,
 }
 
 impl<'q> DiskScan<'q> {
-    /// A question about at most `rows` points of `dims` coordinates. Refuses what [`super::Index::search`] refuses.
+    /// Starts a scan over at most `rows` points of `dims` coordinates.
+    ///
+    /// # Errors
+    /// As [`super::Index::search`].
     pub fn new(metric: Metric, dims: usize, rows: usize, query: KnnQuery<'q>) -> Result<Self, IndexError> {
         if dims == 0 {
             return Err(IndexError::NoCoordinates);
@@ -57,16 +61,16 @@ impl<'q> DiskScan<'q> {
             Metric::L2 => half * (dims as f64).sqrt(),
             Metric::L1 => half * dims as f64,
         };
-        // Products and quotients in `f32` may tip a coordinate over half a step by a rounding.
+        // Rounding in `f32` can move a coordinate slightly beyond half a step.
         let slack = (others + metric.distance(&whole, &cut)) * (1.0 + 1e-6) + 1e-6 * dims as f64;
         let best = TopK::new(&query, rows);
         Ok(Self { metric, query, codes, slack, best, candidates: vec![] })
     }
 
-    /// Takes the codes of rows `first`, `first + 1`, ..., a byte for each coordinate of each of `ids`; a row begins every
-    /// `stride` bytes. Rows for which `live` is false, and rows without a point, are passed over. Surplus codes or ids are
-    /// left out.
-    pub fn codes(&mut self, first: usize, ids: &[u64], stride: usize, codes: &[i8], live: impl Fn(usize) -> bool) {
+    /// Reads the codes of the rows `first`, `first + 1`, ...: one byte for each coordinate of each of `ids`; a row begins
+    /// every `stride` bytes. Rows for which `live` is false and rows without a point are skipped, surplus codes or ids
+    /// ignored.
+    pub fn push_codes(&mut self, first: usize, ids: &[u64], stride: usize, codes: &[i8], live: impl Fn(usize) -> bool) {
         let threshold = self.threshold();
         for ((row, &id), code) in (first..).zip(ids).zip(codes.chunks_exact(stride.max(self.codes.len()))) {
             let bound = scalar_quantisation::distance(self.metric, code, &self.codes);
@@ -77,21 +81,24 @@ impl<'q> DiskScan<'q> {
         }
     }
 
-    /// Rows that may come in have a bound of at most this.
+    /// The largest bound of a row that may be a hit.
     fn threshold(&self) -> u32 {
         scalar_quantisation::threshold(self.metric, (self.best.limit() + self.slack) * f64::from(STEPS))
     }
 
-    /// Whether so many rows wait that [`DiskScan::settle`] is worth its reading.
+    /// Whether there are so many candidates that [`DiskScan::refine`] is worth its reads.
     pub fn is_full(&self) -> bool {
         self.candidates.len() > MANY
     }
 
-    /// Measures the rows of the nearest codes so far and forgets those that cannot matter any more. `fetch` appends the
-    /// coordinates of a row to the buffer, which is empty; its errors end the scan.
-    pub fn settle<E>(&mut self, fetch: impl FnMut(usize, &mut Vec<f32>) -> Result<(), E>) -> Result<(), E> {
+    /// Computes the distances of the rows with the nearest codes so far and drops candidates that cannot be hits any more.
+    /// `fetch` appends the coordinates of a row to an empty buffer.
+    ///
+    /// # Errors
+    /// Those of `fetch`.
+    pub fn refine<E>(&mut self, fetch: impl FnMut(usize, &mut Vec<f32>) -> Result<(), E>) -> Result<(), E> {
         let near = self.best.wanted().saturating_add(self.best.wanted() / 2).max(16).min(self.candidates.len());
-        // No need to sort them all.
+        // Sorting all of them is not needed.
         if near < self.candidates.len() {
             self.candidates.select_nth_unstable_by_key(near, |candidate| candidate.bound);
         }
@@ -103,17 +110,20 @@ impl<'q> DiskScan<'q> {
         Ok(())
     }
 
-    /// The neighbours, nearest first. `fetch` as for [`DiskScan::settle`].
+    /// Ends the scan and returns the neighbours, nearest first. `fetch` is as in [`DiskScan::refine`].
+    ///
+    /// # Errors
+    /// Those of `fetch`.
     pub fn finish<E>(
         mut self,
         mut fetch: impl FnMut(usize, &mut Vec<f32>) -> Result<(), E>,
     ) -> Result<Vec<Neighbour>, E> {
-        self.settle(&mut fetch)?;
+        self.refine(&mut fetch)?;
         self.measure(&mut fetch)?;
         Ok(self.best.into_sorted())
     }
 
-    /// Measures what waits, the nearest codes first, until none that is left can matter; nothing waits then.
+    /// Computes distances of candidates in order of their bounds until the others cannot be hits; no candidates are left.
     fn measure<E>(&mut self, mut fetch: impl FnMut(usize, &mut Vec<f32>) -> Result<(), E>) -> Result<(), E> {
         let mut candidates = std::mem::take(&mut self.candidates);
         candidates.sort_unstable_by_key(|candidate| (candidate.bound, candidate.row));
@@ -145,7 +155,7 @@ mod tests {
         #![proptest_config(hlacdb_testing::cases(100))]
 
         #[test]
-        fn a_cold_scan_answers_like_the_index(
+        fn a_disk_scan_answers_like_the_index(
             dims in 1usize..24,
             values in prop::collection::vec(
                 prop_oneof![
@@ -170,9 +180,9 @@ mod tests {
             let mut scan = DiskScan::new(metric, dims, ids.len(), query).unwrap();
             for first in (0..ids.len()).step_by(part) {
                 let end = ids.len().min(first + part);
-                scan.codes(first, &ids[first..end], dims, &coded[first * dims..], |row| row != 3);
+                scan.push_codes(first, &ids[first..end], dims, &coded[first * dims..], |row| row != 3);
                 if settle {
-                    scan.settle(fetch).unwrap();
+                    scan.refine(fetch).unwrap();
                 }
             }
             prop_assert_eq!(bits(&scan.finish(fetch).unwrap()), bits(&expected));
@@ -188,7 +198,7 @@ mod tests {
         let ids: Vec<u64> = (0..ROWS as u64).collect();
         let coded: Vec<i8> = (0..ROWS).flat_map(|row| quantise(&point(row)).collect::<Vec<_>>()).collect();
         let mut scan = DiskScan::new(Metric::L2, 8, ROWS, KnnQuery::nearest(&query, 10)).unwrap();
-        scan.codes(0, &ids, 8, &coded, |_| true);
+        scan.push_codes(0, &ids, 8, &coded, |_| true);
         let mut fetched = 0;
         let fetch = |row: usize, into: &mut Vec<f32>| {
             into.extend(point(row));
@@ -203,7 +213,7 @@ mod tests {
     fn rows_without_a_point_are_no_hits() {
         let mut scan = DiskScan::new(Metric::L2, 9, 2, KnnQuery::nearest(&[0.0; 9], 5)).unwrap();
         let coded: Vec<i8> = quantise(&[f32::NAN; 9]).chain(quantise(&[1.0; 9])).collect();
-        scan.codes(0, &[5, 6], 9, &coded, |_| true);
+        scan.push_codes(0, &[5, 6], 9, &coded, |_| true);
         let hits = scan
             .finish(|row, into| {
                 into.extend([row as f32; 9]);
@@ -216,7 +226,7 @@ mod tests {
     #[test]
     fn an_error_of_the_store_ends_the_scan() {
         let mut scan = DiskScan::new(Metric::L2, 1, 1, KnnQuery::nearest(&[0.0], 1)).unwrap();
-        scan.codes(0, &[5], 1, &[127], |_| true);
+        scan.push_codes(0, &[5], 1, &[127], |_| true);
         assert_eq!(scan.finish(|_, _| Err("damaged")), Err("damaged"));
     }
 }

@@ -1,64 +1,80 @@
-//! What can be wrong with points and questions.
+//! [`IndexError`]: what an index refuses.
 
-/// Why an index refuses points or a question. Nothing is changed and nothing half-answered when one is returned.
+/// Why an index refuses points or a query. Nothing has changed when one is returned. Display states the fact;
+/// [`IndexError::hint`] says what can be done.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum IndexError {
-    /// A point has another number of coordinates than the index.
-    #[error(
-        "the point has {found} coordinates, but the points of this index have {expected}: map it by the same space first"
-    )]
+    /// The point has another number of coordinates than those of the index.
+    #[error("the point has {found} coordinates, but the index has {expected}")]
     Dimensions {
-        /// Coordinates that the index has.
+        /// Coordinates of the points of the index.
         expected: usize,
-        /// Coordinates that the point has.
+        /// Coordinates of the point given.
         found: usize,
     },
     /// A coordinate is NaN or infinite.
-    #[error("coordinate {position} of the point is {value}, but distances need finite numbers")]
+    #[error("coordinate {position} of the point is not finite ({value})")]
     NotFinite {
-        /// The first such coordinate, from 0.
+        /// The position of the first such coordinate, from 0.
         position: usize,
-        /// What stands there.
+        /// Its value.
         value: f32,
     },
-    /// Ids must ascend from row to row, for row order is what ties are resolved by.
-    #[error("id {id} does not come after id {last} of the row before it: ids ascend and are never given again")]
+    /// The ids of rows do not ascend. Ties are broken by row order, which is the order of ids.
+    #[error("ids must ascend from row to row: id {id} follows id {last}")]
     IdOrder {
-        /// The id that was to be added.
+        /// The id of the row to be added.
         id: u64,
-        /// The greatest id there is.
+        /// The largest id before it.
         last: u64,
     },
-    /// The coordinates are not a whole number of points, one for each id.
-    #[error("{coordinates} coordinates are not {ids} points of {dims}")]
+    /// The coordinates are not one point for each id.
+    #[error("{ids} points of {dims} coordinates were expected (got {coordinates} coordinates)")]
     Length {
-        /// Ids given.
+        /// The number of ids given.
         ids: usize,
         /// Coordinates of a point.
         dims: usize,
-        /// Coordinates given.
+        /// The number of coordinates given.
         coordinates: usize,
     },
-    /// An index of more rows than 32 bits can number.
-    #[error("an index holds at most 4294967295 rows: split the store")]
+    /// The index has as many rows as 32 bits can number.
+    #[error("an index holds at most 4294967295 rows")]
     Full,
     /// Points without coordinates have no distances.
     #[error("points need at least one coordinate")]
     NoCoordinates,
-    /// `k` is 0.
-    #[error("the number of neighbours asked for is 0: ask for at least 1")]
+    /// The number of neighbours is 0.
+    #[error("the number of neighbours must be >= 1 (got 0)")]
     ZeroNeighbours,
     /// The radius is negative or NaN.
-    #[error("the radius is {radius}, but a distance is 0 or more")]
+    #[error("distance must be >= 0 (got {radius})")]
     Radius {
         /// The radius given.
         radius: f64,
     },
-    /// The ids that a question allows are not sorted, or one stands there twice.
-    #[error("the allowed ids do not ascend at position {position}: sort them and leave each once")]
-    AllowedOrder {
-        /// The first id that is not greater than the one before it.
+    /// The ids that a query allows do not ascend.
+    #[error("the allowed ids must ascend, but the one at position {position} does not")]
+    FilterOrder {
+        /// The position of the first id that is not greater than the one before it.
         position: usize,
     },
+}
+
+impl IndexError {
+    /// What the caller can do, to follow the error's sentence after a colon; `None` if there is no general advice.
+    pub fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::Dimensions { .. } => Some("map the query to a point of this space first"),
+            Self::Full => Some("split the store"),
+            Self::FilterOrder { .. } => Some("sort the ids and remove duplicates"),
+            Self::NotFinite { .. }
+            | Self::IdOrder { .. }
+            | Self::Length { .. }
+            | Self::NoCoordinates
+            | Self::ZeroNeighbours
+            | Self::Radius { .. } => None,
+        }
+    }
 }

@@ -1,21 +1,28 @@
-//! A k-d tree over keys, which finds the rows that the true distance then ranks.
+//! [`KdTree`]: finds candidate rows by their keys; their distances then decide.
 //!
-//! It knows the keys of rows (see `lower_bound.rs`), whose distances are lower bounds of those of their points. What answers
-//! depends on how much of a point its key holds:
+//! Distances between keys are lower bounds of distances between points (see `lower_bound.rs`). The search depends on
+//! whether a key holds the whole point:
 //!
-//! * *All of it* (up to 8 coordinates): kiddo's `ImmutableKdTree` proposes the rows of the nearest keys, twice `k`, which
-//!   are measured; the k-th true distance so far is a limit. If even the last proposal's bound exceeds the limit, no other
-//!   row can matter and the answer is there. A sweep answers otherwise: where keys tie, or a radius is asked for.
-//! * *A part of it*: a sweep, which goes through the rows in a k-d order of boxes, the nearest first (see `box_tree.rs`).
+//! * *Up to 8 coordinates* it does. kiddo's `ImmutableKdTree` returns the rows of the nearest keys, twice `k`, and their
+//!   distances are computed; the k-th distance is the limit. If the bound of the last candidate exceeds the limit, no
+//!   other row can be a hit and the search ends. Otherwise (keys tie, or the query has a radius) a sweep follows.
+//! * *With more coordinates* it does not, and the rows are searched by a sweep of the box tree (see `box_tree.rs`).
 //!
-//! Where a filter leaves too few, the scan takes over. The margins that make this exact in spite of rounding are derived
-//! in `lower_bound.rs` and `scalar_quantisation.rs`. Rows added after the build (the tail) are scanned; rows removed after it are found and
-//! passed over.
+//! Where a filter allows too few rows, the linear scan takes over. `lower_bound.rs` and `scalar_quantisation.rs` derive
+//! the margins that make the result exact in spite of rounding. Rows added after the build (the *tail*) are scanned; rows
+//! removed after the build are found and skipped.
 //!
-//! Measured (leading coordinates of real points, k = 10, one busy core, medians of a thousand questions; the sweep alone
-//! in brackets): of 4 coordinates 10 k rows take kiddo 4.5 us (22), 100 k 5.2 (26), 1 M 11 (53); of 8 coordinates 10 (23),
-//! 21 (30), 107 (71); of 16 coordinates, with the norm of the rest in the key, 19 (26), 60 (43), 248 (171); of 32
-//! coordinates 120 (69) at 100 k and 390 (260) at 1 M.
+//! # Measurements
+//!
+//! Leading coordinates of real points, k = 10, one core under load, medians of a thousand queries, in microseconds. With 16
+//! and 32 coordinates the keys of kiddo's tree contained the norm of the rest.
+//!
+//! | coordinates | kiddo, 10 k rows | sweep | kiddo, 100 k | sweep | kiddo, 1 M | sweep |
+//! |---|---|---|---|---|---|---|
+//! | 4 | 4.5 | 22 | 5.2 | 26 | 11 | 53 |
+//! | 8 | 10 | 23 | 21 | 30 | 107 | 71 |
+//! | 16 | 19 | 26 | 60 | 43 | 248 | 171 |
+//! | 32 | | | 120 | 69 | 390 | 260 |
 
 use std::num::NonZeroUsize;
 
@@ -23,91 +30,91 @@ use kiddo::{ImmutableKdTree, Manhattan, QueryResultItem, SquaredEuclidean};
 
 use super::box_tree::{BoxTree, Entry};
 use super::linear::{self, measure};
-use super::lower_bound::{Probe, WIDTHS};
-use super::query::TopK;
+use super::lower_bound::{QueryKey, WIDTHS};
 use super::scalar_quantisation;
+use super::top_k::TopK;
 use super::{KnnQuery, Neighbour, Points};
 use crate::space::Metric;
 
-/// The greatest number in a key that a tree takes: sums of squares stay far inside the range of `f32`.
+/// The largest number in a key that a tree accepts, so that sums of squares stay within the range of `f32`.
 const MAGNITUDE: f32 = (1u64 << 60) as f32;
 
 /// A row and the distance of its key, squared for L2.
-type Proposal = QueryResultItem<(), u32, f32>;
+type Candidate = QueryResultItem<(), u32, f32>;
 
-/// One kind of tree for each width of key.
+/// A tree of kiddo for each width of key.
 enum Tree {
     Few(ImmutableKdTree<f32, { WIDTHS[0] }>),
     Many(ImmutableKdTree<f32, { WIDTHS[1] }>),
 }
 
 impl Tree {
-    /// The rows of the `n` nearest keys, nearest first.
-    fn nearest(&self, metric: Metric, probe: &Probe, n: usize) -> Vec<Proposal> {
+    /// The rows of the `n` nearest keys, by rising distance.
+    fn nearest(&self, metric: Metric, query_key: &QueryKey, n: usize) -> Vec<Candidate> {
         let n = NonZeroUsize::new(n).unwrap_or(NonZeroUsize::MIN);
         match self {
-            Tree::Few(tree) => nearest(tree, metric, probe.key(), n),
-            Tree::Many(tree) => nearest(tree, metric, probe.key(), n),
+            Tree::Few(tree) => nearest(tree, metric, query_key.key(), n),
+            Tree::Many(tree) => nearest(tree, metric, query_key.key(), n),
         }
     }
 }
 
-/// A tree over the rows that were live when it was built. See the module.
+/// A tree over the rows that were live when it was built. See the module's documentation.
 pub struct KdTree {
-    /// Only over points that their keys hold whole.
+    /// Only for points of at most 8 coordinates.
     tree: Option<Tree>,
-    packed: BoxTree,
+    boxes: BoxTree,
     metric: Metric,
     rows: usize,
     lineage: u64,
 }
 
 impl KdTree {
-    /// A tree over all live rows, built by the threads of the current rayon pool where rows are many.
+    /// Builds a tree over all live rows; many rows are sorted by the threads of the current rayon pool.
     ///
-    /// `None` where there is no live row, where a coordinate is so great (above 2^60) that its square would strain the
-    /// range of `f32`, or where there are more than 16 384 coordinates: such points are scanned.
+    /// `None` where no row is live, and for points that are always scanned: those with a coordinate above 2^60, whose square
+    /// could leave the range of `f32`, and those of more than 16 384 coordinates.
     pub fn build(points: &Points) -> Option<Self> {
-        if points.is_empty() || !Self::takes(points) {
+        if points.is_empty() || !Self::supports(points) {
             return None;
         }
-        let (tree, packed) = if points.key_width() == WIDTHS[0] {
-            let (tree, packed) = grow(points)?;
-            (tree.map(Tree::Few), packed)
+        let (tree, boxes) = if points.key_width() == WIDTHS[0] {
+            let (tree, boxes) = build(points)?;
+            (tree.map(Tree::Few), boxes)
         } else {
-            let (tree, packed) = grow(points)?;
-            (tree.map(Tree::Many), packed)
+            let (tree, boxes) = build(points)?;
+            (tree.map(Tree::Many), boxes)
         };
-        Some(Self { tree, packed, metric: points.metric(), rows: points.rows(), lineage: points.lineage() })
+        Some(Self { tree, boxes, metric: points.metric(), rows: points.rows(), lineage: points.lineage() })
     }
 
-    /// Whether no coordinate is too great for a tree, nor their number.
-    pub(super) fn takes(points: &Points) -> bool {
-        points.magnitude() <= MAGNITUDE && points.dims() <= scalar_quantisation::MOST_DIMS
+    /// Whether a tree can be built: neither a coordinate nor their number is too large.
+    pub(super) fn supports(points: &Points) -> bool {
+        points.magnitude() <= MAGNITUDE && points.dims() <= scalar_quantisation::MAX_DIMS
     }
 
-    /// Rows it covers: all later ones are the tail.
+    /// The number of rows it covers. Later rows are the tail.
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// Whether it was built over an earlier state of these points.
+    /// Whether it was built over these points or an earlier state of them.
     pub(super) fn fits(&self, points: &Points) -> bool {
         self.lineage == points.lineage() && self.rows <= points.rows()
     }
 
-    /// The answer to a question that was checked, over points that the tree fits.
+    /// Answers a query that has been checked, over points that the tree belongs to.
     pub(super) fn search(&self, points: &Points, query: &KnnQuery<'_>, effort: Effort) -> Vec<Neighbour> {
-        let probe = points.probe(query.point);
+        let query_key = points.query_key(query.point);
         let mut best = TopK::new(query, points.len());
         let mut next = match &self.tree {
-            _ if probe.key().iter().any(|value| value.abs() > MAGNITUDE) => Next::Scan,
-            Some(tree) => self.propose(points, query, tree, &probe, effort, &mut best),
+            _ if query_key.key().iter().any(|value| value.abs() > MAGNITUDE) => Next::Scan,
+            Some(tree) => self.offer_nearest(points, query, tree, &query_key, effort, &mut best),
             None => Next::Sweep,
         };
         if matches!(next, Next::Sweep) {
             best.restart();
-            next = self.sweep(points, query, &probe, effort, &mut best);
+            next = self.sweep(points, query, &query_key, effort, &mut best);
         }
         let mut from = self.rows;
         if matches!(next, Next::Scan) {
@@ -118,51 +125,58 @@ impl KdTree {
         best.into_sorted()
     }
 
-    /// Measures the rows of the nearest keys, more of them until `k` pass the filter, and says what is left to do.
-    fn propose(
+    /// Offers the rows of the nearest keys, more of them until `k` pass the filter, and returns what remains to be done.
+    fn offer_nearest(
         &self,
         points: &Points,
         query: &KnnQuery<'_>,
         tree: &Tree,
-        probe: &Probe,
+        query_key: &QueryKey,
         effort: Effort,
         best: &mut TopK,
     ) -> Next {
         let most = (self.rows / effort.fraction).max(effort.floor);
-        let mut wanted = best.wanted().saturating_mul(PROPOSALS_PER_HIT).max(FEWEST_PROPOSALS);
+        let mut wanted = best.wanted().saturating_mul(CANDIDATES_PER_HIT).max(MIN_CANDIDATES);
         loop {
             if wanted > most {
                 return Next::Scan;
             }
-            // One more than there are is never reached, and so means that all were proposed.
+            // One more than there are: fewer candidates than wanted then means that all rows were candidates.
             wanted = wanted.min(self.rows + 1);
-            let proposals = tree.nearest(self.metric, probe, wanted);
-            for proposal in &proposals {
-                if proposal.distance <= probe.threshold(best.limit()) {
-                    measure(points, query, proposal.item as usize, best);
+            let candidates = tree.nearest(self.metric, query_key, wanted);
+            for candidate in &candidates {
+                if candidate.distance <= query_key.threshold(best.limit()) {
+                    measure(points, query, candidate.item as usize, best);
                 }
             }
-            let Some(last) = proposals.last() else { return Next::Tail };
-            let threshold = probe.threshold(best.limit());
-            if proposals.len() < wanted || last.distance > threshold {
+            let Some(last) = candidates.last() else { return Next::Tail };
+            let threshold = query_key.threshold(best.limit());
+            if candidates.len() < wanted || last.distance > threshold {
                 return Next::Tail;
             }
             if threshold.is_finite() {
                 return Next::Sweep;
             }
-            // A filter left too few: try more, in proportion to what it let through.
+            // The filter allowed too few: try more, in proportion to the fraction that it allowed.
             let missing = best.wanted() / best.len().max(1) + 1;
             wanted = wanted.saturating_mul(missing.clamp(2, 16));
             best.restart();
         }
     }
 
-    /// Measures all rows whose bounds are within the limit, which shrinks meanwhile, and says what is left to do: a filter
-    /// may let so few through that it gives up.
-    fn sweep(&self, points: &Points, query: &KnnQuery<'_>, probe: &Probe, effort: Effort, best: &mut TopK) -> Next {
+    /// Offers all rows whose bounds are within the limit, which falls meanwhile, and returns what remains to be done. Gives
+    /// up if the filter allows too few of them.
+    fn sweep(
+        &self,
+        points: &Points,
+        query: &KnnQuery<'_>,
+        query_key: &QueryKey,
+        effort: Effort,
+        best: &mut TopK,
+    ) -> Next {
         let most = (self.rows / effort.fraction).max(effort.floor);
         let mut visited = 0;
-        let done = self.packed.sweep(query.point, probe, best.limit(), |row| {
+        let done = self.boxes.sweep(query.point, query_key, best.limit(), |row| {
             measure(points, query, row as usize, best);
             visited += 1;
             let limit = best.limit();
@@ -172,14 +186,14 @@ impl KdTree {
     }
 }
 
-/// Proposals for each neighbour asked for; see the measurements in the module.
-const PROPOSALS_PER_HIT: usize = 2;
+/// Candidates for each neighbour wanted.
+const CANDIDATES_PER_HIT: usize = 2;
 
-/// Proposals at least: fewer are not quicker.
-const FEWEST_PROPOSALS: usize = 20;
+/// The smallest number of candidates; fewer are not faster.
+const MIN_CANDIDATES: usize = 20;
 
-/// When the tree gives up: for more than `rows / fraction` rows (but not below `floor`) that a filter did not let through
-/// the scan takes over.
+/// When the tree gives up and the scan takes over: after `rows / fraction` rows, but at least `floor`, without `k` allowed
+/// ones among them.
 #[derive(Clone, Copy)]
 pub(super) struct Effort {
     fraction: usize,
@@ -187,26 +201,26 @@ pub(super) struct Effort {
 }
 
 impl Effort {
-    /// What is quickest.
+    /// The fastest by measurement.
     pub(super) const MEASURED: Self = Self { fraction: 24, floor: 64 };
 
-    /// Never gives up: for tests, where rows are few and the tree must answer all the same.
+    /// Never gives up: for tests with few rows.
     #[cfg(test)]
     pub(super) const ENDLESS: Self = Self { fraction: 1, floor: usize::MAX };
 }
 
-/// What is left to do.
+/// What remains to be done.
 enum Next {
-    /// Only rows that the tree does not cover are left.
+    /// Scan the rows that the tree does not cover.
     Tail,
-    /// All rows within the limit have to be measured.
+    /// Sweep all rows within the limit.
     Sweep,
-    /// All rows have to be looked at.
+    /// Scan all rows.
     Scan,
 }
 
-/// The tree of all live rows, where keys hold all of a point, and the keys packed.
-fn grow<const K: usize>(points: &Points) -> Option<(Option<ImmutableKdTree<f32, K>>, BoxTree)> {
+/// The trees of all live rows: kiddo's, if keys hold the whole point, and the box tree.
+fn build<const K: usize>(points: &Points) -> Option<(Option<ImmutableKdTree<f32, K>>, BoxTree)> {
     let entries: Vec<Entry<K>> = (0..points.rows())
         .filter(|&row| points.is_live(row))
         .filter_map(|row| {
@@ -215,7 +229,7 @@ fn grow<const K: usize>(points: &Points) -> Option<(Option<ImmutableKdTree<f32, 
             Some((u32::try_from(row).ok()?, key))
         })
         .collect();
-    // Refused only for item types that are too narrow, which rows in 32 bits are not.
+    // Fails only for item types that are too narrow for the number of rows; 32 bits are not.
     let tree = if points.dims() <= K { Some(ImmutableKdTree::new_from_entries(&entries).ok()?) } else { None };
     Some((tree, BoxTree::new(points, entries)))
 }
@@ -225,7 +239,7 @@ fn nearest<const K: usize>(
     metric: Metric,
     key: &[f32],
     n: NonZeroUsize,
-) -> Vec<Proposal> {
+) -> Vec<Candidate> {
     let Ok(key) = <&[f32; K]>::try_from(key) else { return vec![] };
     let query = tree.query(key);
     match metric {
@@ -244,8 +258,8 @@ mod tests {
         hits.iter().map(|hit| (hit.id, hit.distance.to_bits())).collect()
     }
 
-    /// Rows of few distinct values, so that keys tie, and of values a few units in the last place apart, so that
-    /// rounding decides where it may.
+    /// Rows of few distinct values, so that keys tie, or of values a few units in the last place apart, so that rounding
+    /// matters.
     fn rows(dims: usize) -> impl Strategy<Value = Vec<Vec<f32>>> {
         (0u8..4).prop_flat_map(move |kind| {
             let value = match kind {
@@ -261,7 +275,7 @@ mod tests {
     proptest! {
         #![proptest_config(hlacdb_testing::cases(150))]
 
-        /// The tree itself, which the doors would not use on so few rows.
+        /// The tree itself, which an index would not use for so few rows.
         #[test]
         fn a_tree_that_never_gives_up_is_exact(
             (metric, rows) in (prop_oneof![Just(Metric::L2), Just(Metric::L1)], 1usize..40)
@@ -299,7 +313,7 @@ mod tests {
         }
     }
 
-    /// Enough rows for several groups of boxes, some of them far from all others, many of them twice.
+    /// Enough rows for several groups of boxes; some rows are far from all others, many occur twice.
     #[test]
     fn many_rows_are_swept_exactly() {
         const ROWS: u64 = 10_000;
@@ -329,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_points_are_taken() {
+    fn equal_points_are_accepted() {
         let ids: Vec<u64> = (0..10_000).collect();
         let mut points = Points::from_rows(Metric::L2, 12, &ids, &vec![0.25; 120_000]).unwrap();
         points.remove(0);

@@ -1,56 +1,58 @@
-//! Lower bounds of distances from a few numbers per row, and the margin that keeps them safe from rounding.
+//! Lower bounds of distances from a few numbers per row, and the margin that makes them safe under rounding.
 //!
-//! The *key* of a point is its leading coordinates and, where it has more than those, the norm of the rest (L2 norm for
-//! L2, L1 norm for L1). By the triangle inequality the distance between two keys is never more than the distance
-//! between their points, so a row whose key is too far away is no neighbour. Points of many coordinates have a *fine* key
-//! as well: seven further coordinates and the norm of what is left then. It is looked at where the first, *coarse* key is
-//! near enough.
+//! The *key* of a point consists of its leading coordinates and, if it has more, the norm of the rest (the L2 norm for L2,
+//! the L1 norm for L1). By the triangle inequality the distance between two keys is at most the distance between their
+//! points, so a row with a distant key cannot be a neighbour. Points of many coordinates also have a *fine* key: seven more
+//! coordinates, and the norm of the rest after these. It is used where the first, *coarse* key is near enough.
 //!
-//! Which coordinates lead: the first ones, those of greatest spread, or, for L2, projections on the directions of greatest
-//! spread ([`super::projection`]), which leave less to the norm. Measured (100 k points of a store of moments, 32 coordinates,
-//! k = 10): a bound of seven coordinates and the norm leaves 1743 rows, of seven directions 977, of fifteen 100.
+//! The leading coordinates are the first ones, or those of largest variance, or, for L2, projections on the directions of
+//! largest variance ([`super::projection`]), which leave a smaller rest. Rows left by the bound of 100 k points of a store
+//! of moments (32 coordinates, k = 10): 1743 with seven coordinates and the norm, 977 with seven directions, 100 with
+//! fifteen directions.
 //!
-//! Keys are `f32` and their distances are computed in `f32`, so the comparison needs a margin. With `u = 2^-24`, true
-//! (real) distance `D` and key distance `K`:
+//! # The margin
 //!
-//! * The numbers of a key are computed in `f64` and rounded once, each off by at most `u` of itself, and so all together
-//!   by at most `u |x|`, with `|x|` the norm of the point. The norm of what directions leave is the root of a difference:
-//!   `f64` loses up to `d 2^-51 |x|^2` of that for `d` coordinates, the root at most `sqrt(d 2^-51) |x|`. Numbers beyond the
-//!   range of `f32` are cut, which only brings them nearer. So the rounded keys are at most
-//!   `s = (2 u + sqrt(d 2^-51)) (|query| + greatest |x|)` farther apart than the exact ones: `K <= D + s`.
+//! Keys are `f32` and their distances are computed in `f32`, so comparisons need a margin. Let `u = 2^-24`, `D` the exact
+//! distance between two points and `K` that between their keys.
+//!
+//! * The numbers of a key are computed in `f64` and rounded once. Each has a relative error of at most `u`, so all together
+//!   have an error of at most `u |x|`, where `|x|` is the norm of the point. The norm of the rest after projection is the
+//!   root of a difference: for `d` coordinates `f64` loses up to `d 2^-51 |x|^2` of the difference, and at most
+//!   `sqrt(d 2^-51) |x|` of the root. Numbers beyond the range of `f32` are clamped, which only reduces distances. So
+//!   rounded keys are at most `s = (2 u + sqrt(d 2^-51)) (|query| + largest |x|)` farther apart than exact ones:
+//!   `K <= D + s`.
 //! * Directions are orthonormal to `2^-40` or better: a factor of `1 + 2^-40`.
-//! * A difference and a square cost a factor `(1 + u)^3` at most, each addition `1 + u`: with at most 15 numbers
-//!   in a key ([`WIDTHS`], [`FINE`]) the sum of a scan is below `K^2 (1 + u)^20`. The tree replaces one axis' share in the
-//!   sum on every level, two operations of at most `2 u K^2` in all, on at most 64 levels: 128 `u` more.
-//! * The distance that ranks a row is computed in `f64`, off by less than `2^-30` of itself for as many coordinates as
-//!   memory holds.
+//! * A difference and a square contribute a factor of at most `(1 + u)^3`, an addition `1 + u`. A key has at most 15
+//!   numbers ([`WIDTHS`], [`FINE`]), so the sum of a scan is below `K^2 (1 + u)^20`. kiddo's tree replaces the term of one
+//!   axis on every level: two operations with an error of at most `2 u K^2` in all, on at most 64 levels, add `128 u`.
+//! * The distance of a row is computed in `f64` with a relative error below `2^-30` for any number of coordinates that fits
+//!   in memory.
 //! * Where squares underflow, every operation may add `2^-150`: less than `2^-126` in all.
 //!
-//! All factors together stay below `1 + 200 u < 1 + 2^-16`; [`Probe::threshold`] takes `1 + 2^-15` and the smallest
-//! normal `f32` for the underflow, and rounds up. A row that is a neighbour within `limit` therefore never has a
-//! computed key distance above `threshold(limit)`; a row below it is only a candidate. Overflow to infinity happens only
-//! where the threshold is infinite as well.
+//! The product of all factors is below `1 + 200 u < 1 + 2^-16`. [`QueryKey::threshold`] uses `1 + 2^-15`, adds the smallest
+//! normal `f32` for underflow, and rounds up. So a neighbour within `limit` never has a computed key distance above
+//! `threshold(limit)`; a row below it is only a candidate. Sums overflow to infinity only where the threshold is infinite.
 
-use super::projection::Projection;
+use super::projection::{DIRECTIONS, Projection};
 use crate::space::Metric;
 
-/// Rows whose keys stand interleaved, so that one pass of vector instructions bounds them all.
+/// Rows whose keys are interleaved, so that one pass over vectors bounds them all.
 pub(super) const LANES: usize = 16;
 
-/// The keys of [`LANES`] rows, one array per number of the key.
+/// The keys of [`LANES`] rows: an array for each number of a key.
 pub(super) type KeyBlock = [[f32; LANES]];
 
-/// Numbers in the coarse key of a point of few and of many coordinates: two widths, so that two kinds of tree serve all.
+/// Numbers in the coarse key of a point of few and of many coordinates. Two widths, so that two kinds of tree are enough.
 pub(super) const WIDTHS: [usize; 2] = [4, 8];
 
 /// Numbers in the fine key.
 pub(super) const FINE: usize = 8;
 
-/// Points of fewer coordinates have no fine key: measuring them costs little more.
+/// Points of fewer coordinates have no fine key, since their distances cost little more.
 const FEWEST_FOR_FINE: usize = 20;
 
-/// The coordinates of a coarse and a fine key together.
-pub(super) const DIRECTIONS: usize = WIDTHS[1] - 1 + FINE - 1;
+// A coarse and a fine key together hold all directions, and a norm each.
+const _: () = assert!(DIRECTIONS == WIDTHS[1] - 1 + FINE - 1);
 
 /// The numbers of one point's keys.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -60,26 +62,26 @@ pub(super) struct Key {
 }
 
 impl Key {
-    /// The numbers of the best key there is: the coarse one, or, where there is a fine one, the leading numbers of the
-    /// coarse one and then those of the fine one.
+    /// The numbers of the longest key: the coarse one or, if there is a fine one, the leading numbers of the coarse one
+    /// followed by those of the fine one.
     pub(super) fn numbers(&self, width: usize, fine: bool) -> impl Iterator<Item = f32> {
         let leading = if fine { width - 1 } else { width };
         self.coarse.into_iter().take(leading).chain(self.fine.into_iter().take(if fine { FINE } else { 0 }))
     }
 }
 
-/// Which numbers make a key.
+/// How keys are computed from points.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct KeyShape {
+pub(super) struct KeyLayout {
     dims: usize,
-    /// The coordinates by falling importance: those that lead first. Not looked at where directions lead.
+    /// The coordinates, leading ones first. Not used if there is a projection.
     order: Vec<usize>,
-    turn: Option<Projection>,
+    projection: Option<Projection>,
     fine: bool,
 }
 
-/// Numbers in the key of a point, and how many of its coordinates lead. Keys of fewer coordinates than their width are
-/// filled up with zeros.
+/// The number of numbers in a coarse key and of leading coordinates in it. Keys of fewer coordinates than their width are
+/// padded with zeros.
 fn width_and_leading(dims: usize) -> (usize, usize) {
     let [few, many] = WIDTHS;
     match dims {
@@ -89,27 +91,27 @@ fn width_and_leading(dims: usize) -> (usize, usize) {
     }
 }
 
-impl KeyShape {
-    /// The first coordinates lead, and there is no fine key: right for points whose coordinates are ordered by variance.
+impl KeyLayout {
+    /// Keys of the first coordinates, without fine keys: for points whose coordinates are ordered by variance.
     pub(super) fn first(dims: usize) -> Self {
-        Self { dims, order: (0..dims).collect(), turn: None, fine: false }
+        Self { dims, order: (0..dims).collect(), projection: None, fine: false }
     }
 
-    /// The directions of greatest spread lead (for L2), or the coordinates (for L1), learned from `rows`, which hold
-    /// some points one after another.
+    /// Keys of the directions of largest variance (L2) or of the coordinates of largest variance (L1) of `rows`: points,
+    /// one after another.
     pub(super) fn learned(metric: Metric, dims: usize, rows: &[f32]) -> Self {
         let spread = super::projection::spread(dims, rows);
         let mut order: Vec<usize> = (0..dims).collect();
         order.sort_by(|&a, &b| spread[b].total_cmp(&spread[a]).then(a.cmp(&b)));
         let fine = dims >= FEWEST_FOR_FINE;
-        let turn = if fine && metric == Metric::L2 { Projection::learned(dims, rows, &order) } else { None };
-        // Those that lead in their own order: the same sums for the same points, whatever the spread.
+        let projection = if fine && metric == Metric::L2 { Projection::learned(dims, rows, &order) } else { None };
+        // Leading coordinates in ascending order, so that their sums do not depend on the order of variances.
         let (_, leading) = width_and_leading(dims);
         order[..leading].sort_unstable();
-        Self { dims, order, turn, fine }
+        Self { dims, order, projection, fine }
     }
 
-    /// Numbers in a coarse key: one of [`WIDTHS`].
+    /// The number of numbers in a coarse key: one of [`WIDTHS`].
     pub(super) fn width(&self) -> usize {
         width_and_leading(self.dims).0
     }
@@ -128,9 +130,9 @@ impl KeyShape {
     pub(super) fn key(&self, metric: Metric, point: &[f32]) -> Key {
         let mut key = Key::default();
         let (width, leading) = width_and_leading(self.dims);
-        match &self.turn {
-            Some(turn) => {
-                let (along, left) = turn.along(point);
+        match &self.projection {
+            Some(projection) => {
+                let (along, left) = projection.apply(point);
                 let (first, second) = along.split_at(leading);
                 put(&mut key.coarse, first, left[leading]);
                 put(&mut key.fine, second, left[DIRECTIONS]);
@@ -149,14 +151,14 @@ impl KeyShape {
         key
     }
 
-    /// What rounding may add to the distance of two keys, for each unit of the norms of their points.
+    /// The most that rounding adds to the distance of two keys, for each unit of the norms of their points.
     fn slack(&self) -> f64 {
-        let turned = if self.turn.is_some() { (self.dims as f64 / (1_u64 << 51) as f64).sqrt() } else { 0.0 };
-        f64::from(f32::EPSILON) + turned
+        let projected = if self.projection.is_some() { (self.dims as f64 / (1_u64 << 51) as f64).sqrt() } else { 0.0 };
+        f64::from(f32::EPSILON) + projected
     }
 }
 
-/// Numbers and a norm, rounded. Cut, not infinite: the difference of two infinities would be NaN and lose the row.
+/// Writes numbers and a norm, rounded. Clamped, not infinite: the difference of two infinities would be NaN and lose the row.
 fn put(into: &mut [f32], numbers: &[f64], norm: f64) {
     let most = f64::from(f32::MAX);
     for (into, number) in into.iter_mut().zip(numbers.iter().copied().chain([norm])) {
@@ -164,31 +166,31 @@ fn put(into: &mut [f32], numbers: &[f64], norm: f64) {
     }
 }
 
-/// The key of a query, ready to be compared with the keys of rows.
-pub(super) struct Probe {
+/// The key of a query, to be compared with the keys of rows.
+pub(super) struct QueryKey {
     metric: Metric,
     key: Key,
     width: usize,
     fine: bool,
-    /// How much rounded numbers may add to the distance of two keys.
+    /// The most that rounding adds to the distance of two keys.
     slack: f64,
 }
 
-/// The computed distances of the coarse keys of a block, and the part of them that fine keys go on from.
+/// The distances of the coarse keys of a block, and their sums over the leading numbers, which fine keys continue.
 pub(super) struct Coarse {
     pub(super) bounds: [f32; LANES],
     leading: [f32; LANES],
 }
 
-impl Probe {
-    /// For rows whose points have norms of at most `reach`.
-    pub(super) fn new(metric: Metric, shape: &KeyShape, point: &[f32], reach: f64) -> Self {
+impl QueryKey {
+    /// The key of a query over points with norms of at most `max_norm`.
+    pub(super) fn new(metric: Metric, layout: &KeyLayout, point: &[f32], max_norm: f64) -> Self {
         let norm = metric.norm(point.iter().copied());
-        let slack = (norm + reach) * shape.slack();
-        Self { metric, key: shape.key(metric, point), width: shape.width(), fine: shape.has_fine(), slack }
+        let slack = (norm + max_norm) * layout.slack();
+        Self { metric, key: layout.key(metric, point), width: layout.width(), fine: layout.has_fine(), slack }
     }
 
-    /// The numbers of the query's coarse key.
+    /// The numbers of the coarse key.
     pub(super) fn key(&self) -> &[f32] {
         &self.key.coarse[..self.width]
     }
@@ -198,19 +200,18 @@ impl Probe {
         self.fine
     }
 
-    /// The numbers of the query's best key: see [`Key::numbers`].
+    /// The numbers of the longest key: see [`Key::numbers`].
     pub(super) fn numbers(&self) -> Vec<f32> {
         self.key.numbers(self.width, self.fine).collect()
     }
 
-    /// How much rounding may add to the distance of two keys.
+    /// The most that rounding adds to the distance of two keys.
     pub(super) fn slack(&self) -> f64 {
         self.slack
     }
 
-    /// Rows at most `limit` away have a computed key distance of at most this.
-    ///
-    /// Key distances are squared for L2. Infinite where `limit` is, or where the square leaves the range of `f32`.
+    /// The largest computed key distance (squared for L2) of a row at most `limit` away. Infinite if `limit` is, or if its
+    /// square exceeds the range of `f32`.
     pub(super) fn threshold(&self, limit: f64) -> f32 {
         const MARGIN: f64 = 1.0 + 1.0 / 32768.0;
         let limit = limit + self.slack;
@@ -221,7 +222,7 @@ impl Probe {
         ((bound + f64::from(f32::MIN_POSITIVE)) as f32).next_up()
     }
 
-    /// The computed distances of the coarse keys of a block (squared for L2).
+    /// The distances (squared for L2) between the coarse key and those of a block.
     #[inline(always)]
     pub(super) fn coarse(&self, block: &KeyBlock) -> Coarse {
         let Some((last, leading)) = block.split_last() else {
@@ -232,7 +233,7 @@ impl Probe {
         Coarse { bounds: self.lanes(leading, std::slice::from_ref(last), &[own]), leading }
     }
 
-    /// The computed distances of the fine keys of a block whose coarse ones are known.
+    /// The distances (squared for L2) between the longest key and those of a block, given those of the coarse keys.
     #[inline(always)]
     pub(super) fn fine(&self, coarse: &Coarse, block: &KeyBlock) -> [f32; LANES] {
         self.lanes(coarse.leading, block, &self.key.fine)

@@ -1,16 +1,17 @@
-//! From points to neighbours, exactly.
+//! Exact nearest neighbours of points.
 //!
-//! Vocabulary: a *point* is a row of `f32` coordinates with an id; a *[`KnnQuery`]* asks for the `k` nearest points, or
-//! those within a radius, or both, among those that a filter allows; a *[`Neighbour`]* is a hit. [`Points`] hold the
-//! rows; the scan (`linear`) reads all of them; a *[`KdTree`]* proposes few. An *[`Index`]* is points with or without a
-//! tree and is what one asks; a *[`SharedIndex`]* lets threads ask while one adds and removes; a *[`DiskScan`]* answers
-//! one question from a store that was just opened, reading codes of all points and few points.
+//! A *point* is a row of `f32` coordinates with an id. A *[`KnnQuery`]* asks for the `k` nearest points, for those within a
+//! radius, or for both, among the points that a filter allows; a *[`Neighbour`]* is a hit. [`Points`] hold the rows. The
+//! linear scan bounds every row; a *[`KdTree`]* finds few candidates. An *[`Index`]* is points with or without a tree, and
+//! answers queries. A *[`SharedIndex`]* lets threads search while another adds and removes rows. A *[`DiskScan`]* answers
+//! one query from a store that was just opened, reading few of its points.
 //!
-//! Exact means exact: [`Metric::distance`] defines a distance to the bit, hits are ordered by (distance, id), ties at
-//! rank `k` go to the lower id, and every [`Method`] returns the same ids with the same bits, whatever the tail, the
-//! tombstones, the filter, the number of threads and the CPU.
+//! Results are exact: [`Metric::distance`](crate::space::Metric::distance) defines a distance to the bit, hits are ordered
+//! by (distance, id), ties at rank `k` go to the lower id, and every [`Method`] returns the same ids with the same bits of
+//! distance, whatever the tail, the tombstones, the filter, the number of threads and the CPU.
 //!
-//! This room stands on the ground: it knows no disk, no descriptors and no spaces.
+//! The index knows neither disks nor descriptors. Of the rooms below it uses [`crate::space`], for the metric and for linear
+//! algebra.
 
 mod box_tree;
 mod disk_scan;
@@ -23,11 +24,13 @@ mod lower_bound;
 mod multiversion;
 mod neighbour;
 mod pairs;
+mod plan;
 mod points;
 mod projection;
 mod query;
 mod scalar_quantisation;
 mod shared;
+mod top_k;
 
 pub use disk_scan::DiskScan;
 pub use error::IndexError;
@@ -35,7 +38,8 @@ pub use index::{Index, Method, UnknownMethod, should_rebuild};
 pub use kdtree::KdTree;
 pub use neighbour::Neighbour;
 pub use pairs::{Graph, Pair};
+pub use plan::{Plan, plan};
 pub use points::{CHUNK_ROWS, Points};
 pub use query::{IdFilter, KnnQuery};
 pub use scalar_quantisation::{NO_POINT, quantise};
-pub use shared::{IndexState, SharedIndex};
+pub use shared::SharedIndex;

@@ -1,16 +1,16 @@
-//! [`Neighbour`]: the one way in which hits are ordered.
+//! [`Neighbour`]: a hit, and the order of hits.
 
 use std::cmp::Ordering;
 
-/// One hit: a texture's id and how far its point lies from the one asked for.
+/// A hit: the id of a row and the distance of its point from that of the query.
 ///
-/// Neighbours are ordered by distance, then by id: the rule by which every answer is sorted and by which ties at rank
-/// `k` are resolved.
+/// Neighbours are ordered by distance, then by id. Every answer is sorted by this rule, and ties at rank `k` are broken
+/// by it.
 #[derive(Debug, Clone, Copy)]
 pub struct Neighbour {
-    /// The id that the row was added with.
+    /// The id of the row.
     pub id: u64,
-    /// The distance, by [`super::Metric::distance`].
+    /// The distance, as [`crate::space::Metric::distance`] computes it.
     pub distance: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Questions about all points at once: near-duplicates and the graph of nearest neighbours.
+//! Queries for all points at once: pairs of near-duplicates and the nearest-neighbour graph.
 
 use rayon::prelude::*;
 
@@ -6,6 +6,7 @@ use super::{IdFilter, Index, IndexError, KnnQuery, Method, Neighbour};
 
 /// Two live rows and their distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Pair {
     /// The lower id.
     pub first: u64,
@@ -16,24 +17,28 @@ pub struct Pair {
 }
 
 /// The nearest neighbours of every live row.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
 pub struct Graph {
     /// The live ids, ascending.
     pub ids: Vec<u64>,
-    /// For each of them its neighbours, nearest first, itself left out.
+    /// The neighbours of each row, nearest first, without the row itself.
     pub neighbours: Vec<Vec<Neighbour>>,
 }
 
 impl Index {
     /// All pairs of rows at most `radius` apart (inclusive), each once, ordered by the lower and then the higher id.
     ///
-    /// Memory grows with the number of pairs: choose a small radius.
+    /// Memory is proportional to the number of pairs, so the radius should be small.
+    ///
+    /// # Errors
+    /// [`IndexError::Radius`].
     pub fn pairs_within(&self, radius: f64) -> Result<Vec<Pair>, IndexError> {
         let rows: Vec<(u64, &[f32])> = self.points().iter().collect();
         let pairs: Vec<Vec<Pair>> = rows
             .par_iter()
             .map(|&(id, point)| {
-                // Only later ids: each pair is found once.
+                // Later ids only, so that each pair is found once.
                 let later = |other: u64| other > id;
                 let query = KnnQuery::all_within(point, radius).filter(IdFilter::Predicate(&later));
                 let mut hits = self.search(&query, self.range_method())?;
@@ -45,6 +50,9 @@ impl Index {
     }
 
     /// The `k` nearest neighbours of every row.
+    ///
+    /// # Errors
+    /// [`IndexError::ZeroNeighbours`].
     pub fn graph(&self, k: usize) -> Result<Graph, IndexError> {
         let rows: Vec<(u64, &[f32])> = self.points().iter().collect();
         let neighbours = rows
@@ -54,7 +62,7 @@ impl Index {
         Ok(Graph { ids: rows.iter().map(|&(id, _)| id).collect(), neighbours })
     }
 
-    /// The method for a radius that is small by intent: the tree where there is one.
+    /// The method for a small radius: the tree, if there is one.
     fn range_method(&self) -> Method {
         if self.covered() > 0 { Method::KdTree } else { Method::Linear }
     }
@@ -67,7 +75,7 @@ mod tests {
     use crate::space::Metric;
 
     #[test]
-    fn pairs_and_graph_are_what_every_pair_says() {
+    fn pairs_and_graph_agree_with_the_scan() {
         let ids: Vec<u64> = (0..9000).map(|row| 3 + row * 2).collect();
         // Ten rows of each of 900 places on a line a unit apart, the first pair of each a little off.
         let points: Vec<f32> = (0..9000).map(|row| (row % 900) as f32 + if row < 900 { 0.25 } else { 0.0 }).collect();

@@ -1,30 +1,32 @@
-//! The directions in which points vary most: a few orthonormal vectors.
+//! [`Projection`]: the few directions in which points vary most.
 //!
-//! They need not be the principal axes exactly: whatever they are, projecting on them brings no two points farther apart,
-//! so bounds hold; the better they are, the tighter. Orthogonal iteration on the covariance of a sample finds them.
+//! They approximate the leading principal axes of a sample of the points, by orthogonal iteration. Projection on orthonormal
+//! directions increases no distance, so bounds hold for any directions; good ones make them tight.
 
-use super::lower_bound::DIRECTIONS;
 use crate::space::linalg::{dot_in_order, orthogonal_iteration};
 
-/// Coordinates of greater magnitude are not turned: their squares would strain the arithmetic.
+/// The number of directions.
+pub(super) const DIRECTIONS: usize = 14;
+
+/// Points with larger coordinates are not projected: their squares could overflow.
 const MAGNITUDE: f32 = (1u64 << 60) as f32;
 
-/// Multiplications spent on the covariance of the sample, at most.
+/// The largest number of multiplications for the covariance of the sample.
 const EFFORT: usize = 1 << 26;
 
 /// Rounds of the iteration.
 const ROUNDS: usize = 12;
 
-/// Orthonormal directions, by falling spread, and the mean of nothing: points are projected as they are.
+/// Orthonormal directions, by falling variance. Points are projected without subtracting their mean.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Projection {
-    /// For each coordinate its share in each direction: rows of [`DIRECTIONS`].
-    shares: Vec<[f64; DIRECTIONS]>,
+    /// For each coordinate its component in each direction.
+    components: Vec<[f64; DIRECTIONS]>,
 }
 
 impl Projection {
-    /// The directions in which `rows`, points of `dims` coordinates one after another, vary most; `order` has the
-    /// coordinates by falling spread. `None` where coordinates are too great or not finite.
+    /// The directions in which `rows`, points of `dims` coordinates one after another, vary most; `order` lists the
+    /// coordinates by falling variance. `None` if there are too few coordinates, or if one is too large or not finite.
     pub(super) fn learned(dims: usize, rows: &[f32], order: &[usize]) -> Option<Self> {
         if dims < DIRECTIONS || rows.is_empty() {
             return None;
@@ -33,25 +35,25 @@ impl Projection {
         let start = order.iter().take(DIRECTIONS).map(|&axis| unit(dims, axis)).collect();
         let product = |vector: &[f64]| covariance.chunks_exact(dims).map(|row| dot_in_order(row, vector)).collect();
         let directions = orthogonal_iteration(start, ROUNDS, product, order);
-        let mut shares = vec![[0.0; DIRECTIONS]; dims];
+        let mut components = vec![[0.0; DIRECTIONS]; dims];
         for (at, direction) in directions.iter().enumerate() {
-            for (share, &value) in shares.iter_mut().zip(&direction.vector) {
-                share[at] = value;
+            for (component, &value) in components.iter_mut().zip(&direction.vector) {
+                component[at] = value;
             }
         }
-        Some(Self { shares })
+        Some(Self { components })
     }
 
-    /// How far a point reaches along each direction, and what norm is left of it beside the first of them, for every
-    /// number of directions from none to all.
-    pub(super) fn along(&self, point: &[f32]) -> ([f64; DIRECTIONS], [f64; DIRECTIONS + 1]) {
+    /// The coordinates of a point along the directions, and the norm of the rest of it after the first 0, 1, 2, ... of
+    /// them.
+    pub(super) fn apply(&self, point: &[f32]) -> ([f64; DIRECTIONS], [f64; DIRECTIONS + 1]) {
         let mut along = [0.0; DIRECTIONS];
         let mut square = 0.0;
-        for (shares, &coordinate) in self.shares.iter().zip(point) {
+        for (components, &coordinate) in self.components.iter().zip(point) {
             let coordinate = f64::from(coordinate);
             square += coordinate * coordinate;
-            for (along, share) in along.iter_mut().zip(shares) {
-                *along += share * coordinate;
+            for (along, component) in along.iter_mut().zip(components) {
+                *along += component * coordinate;
             }
         }
         let mut left = [0.0; DIRECTIONS + 1];
@@ -63,7 +65,7 @@ impl Projection {
     }
 }
 
-/// The covariance of a sample of points, row-major; `None` where coordinates are too great or not finite.
+/// The scatter of a sample of points about their mean, row-major; `None` if a coordinate is too large or not finite.
 fn covariance(dims: usize, rows: &[f32]) -> Option<Vec<f64>> {
     let count = rows.len() / dims;
     let most = (EFFORT / (dims * dims)).clamp(256, 8192);
@@ -92,7 +94,7 @@ fn unit(dims: usize, axis: usize) -> Vec<f64> {
     (0..dims).map(|at| if at == axis { 1.0 } else { 0.0 }).collect()
 }
 
-/// The variance of each coordinate over an even sample of at most a few thousand rows: a guide, not a result.
+/// The scatter of each coordinate over an even sample of a few thousand rows: an estimate, to order coordinates by.
 pub(super) fn spread(dims: usize, coordinates: &[f32]) -> Vec<f64> {
     const SAMPLE: usize = 4096;
     let mut moments = vec![(0.0f64, 0.0f64); dims];
@@ -109,7 +111,7 @@ pub(super) fn spread(dims: usize, coordinates: &[f32]) -> Vec<f64> {
             *scatter += delta * (f64::from(value) - *mean);
         }
     }
-    // Where a coordinate is not finite the rows are refused a moment later.
+    // Rows with a coordinate that is not finite are refused later.
     moments.into_iter().map(|(_, scatter)| if scatter.is_nan() { 0.0 } else { scatter }).collect()
 }
 
@@ -122,7 +124,7 @@ mod tests {
         #![proptest_config(hlacdb_testing::cases(60))]
 
         #[test]
-        fn directions_are_orthonormal_whatever_the_points(
+        fn directions_are_orthonormal_for_any_points(
             dims in DIRECTIONS..40, flat in 0usize..40, rows in prop::collection::vec(-1.0f32..1.0, 40..4000), equal: bool,
         ) {
             let count = rows.len() / dims;
@@ -130,14 +132,14 @@ mod tests {
             let value = |at: usize| if equal { rows[at % dims] } else if at % dims >= flat { 0.25 } else { rows[at] };
             let rows: Vec<f32> = (0..count * dims).map(value).collect();
             let order: Vec<usize> = (0..dims).rev().collect();
-            let Some(turn) = Projection::learned(dims, &rows, &order) else { return Ok(()) };
+            let Some(projection) = Projection::learned(dims, &rows, &order) else { return Ok(()) };
             for i in 0..DIRECTIONS {
                 for j in 0..DIRECTIONS {
-                    let product: f64 = turn.shares.iter().map(|shares| shares[i] * shares[j]).sum();
+                    let product: f64 = projection.components.iter().map(|components| components[i] * components[j]).sum();
                     prop_assert!((product - f64::from(u8::from(i == j))).abs() < 1e-13);
                 }
             }
-            let (along, left) = turn.along(&rows[..dims]);
+            let (along, left) = projection.apply(&rows[..dims]);
             let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>().sqrt();
             let whole = norm(&mut rows[..dims].iter().map(|&c| f64::from(c)));
             prop_assert!((left[0] - whole).abs() < 1e-12);
@@ -146,15 +148,15 @@ mod tests {
     }
 
     #[test]
-    fn what_varies_leads() {
-        // Points along one diagonal, a little beside it.
+    fn the_direction_of_largest_variance_leads() {
+        // Points near one diagonal.
         let rows: Vec<f32> = (0..300 * 20)
             .map(|at| {
                 ((at / 20) as f32 * 0.01 - 1.5) * if at % 2 == 0 { 1.0 } else { -1.0 } + (at * 7 % 13) as f32 * 1e-3
             })
             .collect();
-        let turn = Projection::learned(20, &rows, &(0..20).collect::<Vec<_>>()).unwrap();
-        let (along, left) = turn.along(&rows[..20]);
+        let projection = Projection::learned(20, &rows, &(0..20).collect::<Vec<_>>()).unwrap();
+        let (along, left) = projection.apply(&rows[..20]);
         assert!(along[0].abs() > 6.0 && left[1] < 0.2, "{along:?} {left:?}");
         assert!(Projection::learned(20, &[f32::MAX; 40], &(0..20).collect::<Vec<_>>()).is_none());
     }
@@ -168,7 +170,7 @@ mod tests {
         let order: Vec<usize> = (0..24).rev().collect();
         let hash = |rows: &[f32]| {
             let projection = Projection::learned(24, rows, &order).unwrap();
-            xxhash_rust::xxh3::xxh3_64(bytemuck::cast_slice(projection.shares.as_flattened()))
+            xxhash_rust::xxh3::xxh3_64(bytemuck::cast_slice(projection.components.as_flattened()))
         };
         assert_eq!([hash(&rows), hash(&flat)], [6_925_808_283_992_956_490, 3_440_494_432_786_342_333]);
     }

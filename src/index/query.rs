@@ -1,25 +1,25 @@
-//! What is asked, and the collector that keeps the best answers.
+//! [`KnnQuery`]: the point, the number of neighbours, and the filter of a search.
 
-use std::collections::BinaryHeap;
 use std::fmt;
 
-use super::{IndexError, Neighbour};
+use super::IndexError;
 
-/// Which rows may be hits. A filter comes before `k`: the answer is the `k` nearest of the allowed ones.
+/// Which rows may be hits. The filter is applied before `k`: the answer is the `k` nearest of the allowed rows.
 #[derive(Clone, Copy, Default)]
+#[non_exhaustive]
 pub enum IdFilter<'a> {
-    /// All of them.
+    /// All rows.
     #[default]
     All,
-    /// Those with one of these ids, ascending. Ids that the index does not have are passed over.
+    /// The rows with one of these ids, which must ascend. Ids that the index does not contain are ignored.
     Ids(&'a [u64]),
-    /// Those for whose id this is true. It is called for few rows (those that would be hits), from any thread, and
-    /// must always answer the same.
+    /// The rows for whose id the predicate is true. It is called for few rows (those near enough to be hits), from any
+    /// thread, and must always give the same answer for the same id.
     Predicate(&'a (dyn Fn(u64) -> bool + Sync)),
 }
 
 impl IdFilter<'_> {
-    /// Whether this id may be a hit.
+    /// Whether the filter allows this id.
     #[inline]
     pub fn allows(&self, id: u64) -> bool {
         match self {
@@ -40,7 +40,7 @@ impl fmt::Debug for IdFilter<'_> {
     }
 }
 
-/// A question: which points are nearest to this one?
+/// A k-nearest-neighbours query: the points nearest to a point.
 ///
 /// ```
 /// use hlacdb::index::{Index, KnnQuery, Method};
@@ -55,45 +55,45 @@ impl fmt::Debug for IdFilter<'_> {
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct KnnQuery<'a> {
-    /// The point: as many finite coordinates as the index has.
+    /// The point: finite coordinates, as many as the points of the index have.
     pub point: &'a [f32],
-    /// How many neighbours at most, from 1; there is no ceiling, `usize::MAX` asks for all.
+    /// The largest number of neighbours, >= 1. There is no upper limit: `usize::MAX` means all.
     pub k: usize,
-    /// Only neighbours at most this far away (inclusive).
+    /// The largest distance of a neighbour (inclusive); no limit if `None`.
     pub within: Option<f64>,
-    /// Only these, filtered before `k`.
+    /// The rows that may be hits.
     pub filter: IdFilter<'a>,
-    /// Not this one: the texture that the question is about.
+    /// A row that may not be a hit: that of the query itself.
     pub exclude: Option<u64>,
 }
 
 impl<'a> KnnQuery<'a> {
-    /// The `k` nearest points.
+    /// A query for the `k` nearest points.
     pub fn nearest(point: &'a [f32], k: usize) -> Self {
         Self { point, k, within: None, filter: IdFilter::All, exclude: None }
     }
 
-    /// All points at most `radius` away.
+    /// A query for all points at most `radius` away.
     pub fn all_within(point: &'a [f32], radius: f64) -> Self {
         Self::nearest(point, usize::MAX).within(radius)
     }
 
-    /// The same question, hits at most `radius` away (inclusive).
+    /// Sets the largest distance of a neighbour (inclusive).
     pub fn within(self, radius: f64) -> Self {
         Self { within: Some(radius), ..self }
     }
 
-    /// The same question about fewer rows.
+    /// Sets the filter.
     pub fn filter(self, filter: IdFilter<'a>) -> Self {
         Self { filter, ..self }
     }
 
-    /// The same question without this row.
+    /// Excludes one row.
     pub fn exclude(self, id: u64) -> Self {
         Self { exclude: Some(id), ..self }
     }
 
-    /// Refuses what has no answer, before any work is done.
+    /// Refuses an invalid query.
     pub(super) fn check(&self, dims: usize) -> Result<(), IndexError> {
         check_point(self.point, dims)?;
         if self.k == 0 {
@@ -107,19 +107,19 @@ impl<'a> KnnQuery<'a> {
         if let IdFilter::Ids(ids) = self.filter
             && let Some(position) = ids.windows(2).position(|pair| pair[0] >= pair[1])
         {
-            return Err(IndexError::AllowedOrder { position: position + 1 });
+            return Err(IndexError::FilterOrder { position: position + 1 });
         }
         Ok(())
     }
 
-    /// Whether the filter, the excluded id aside, lets this row through.
+    /// Whether the row with this id may be a hit.
     #[inline]
     pub(super) fn admits(&self, id: u64) -> bool {
         self.exclude != Some(id) && self.filter.allows(id)
     }
 }
 
-/// Refuses a point of the wrong length or with a coordinate that is not finite.
+/// Refuses a point of another length or with a coordinate that is not finite.
 pub(super) fn check_point(point: &[f32], dims: usize) -> Result<(), IndexError> {
     if point.len() != dims {
         return Err(IndexError::Dimensions { expected: dims, found: point.len() });
@@ -127,68 +127,5 @@ pub(super) fn check_point(point: &[f32], dims: usize) -> Result<(), IndexError> 
     match point.iter().position(|v| !v.is_finite()) {
         Some(position) => Err(IndexError::NotFinite { position, value: point[position] }),
         None => Ok(()),
-    }
-}
-
-/// The best neighbours so far: at most `k`, none farther than the radius.
-pub(super) struct TopK {
-    k: usize,
-    radius: f64,
-    heap: BinaryHeap<Neighbour>,
-}
-
-impl TopK {
-    /// Nothing found yet, out of at most `rows`.
-    pub(super) fn new(query: &KnnQuery<'_>, rows: usize) -> Self {
-        let k = query.k.min(rows);
-        // A radius usually leaves few: memory for a huge k is taken only as hits come.
-        let heap = BinaryHeap::with_capacity(k.min(1024) + 1);
-        Self { k, radius: query.within.unwrap_or(f64::INFINITY), heap }
-    }
-
-    /// No neighbour farther than this can still come in; one at this very distance may, by a lower id.
-    #[inline]
-    pub(super) fn limit(&self) -> f64 {
-        match self.heap.peek() {
-            Some(worst) if self.heap.len() >= self.k => worst.distance.min(self.radius),
-            _ => self.radius,
-        }
-    }
-
-    /// Forgets what was found but not how far away it was: nothing beyond the limit reached can come in, and every
-    /// row that belongs to the answer is to be offered again.
-    pub(super) fn restart(&mut self) {
-        self.radius = self.limit();
-        self.heap.clear();
-    }
-
-    /// How many are looked for.
-    pub(super) fn wanted(&self) -> usize {
-        self.k
-    }
-
-    /// How many there are.
-    pub(super) fn len(&self) -> usize {
-        self.heap.len()
-    }
-
-    /// Takes a neighbour in, if it is one of the best.
-    #[inline]
-    pub(super) fn offer(&mut self, neighbour: Neighbour) {
-        if neighbour.distance > self.radius || self.k == 0 {
-            return;
-        }
-        if self.heap.len() < self.k {
-            self.heap.push(neighbour);
-        } else if let Some(mut worst) = self.heap.peek_mut()
-            && neighbour < *worst
-        {
-            *worst = neighbour;
-        }
-    }
-
-    /// The neighbours, nearest first.
-    pub(super) fn into_sorted(self) -> Vec<Neighbour> {
-        self.heap.into_sorted_vec()
     }
 }

@@ -19,7 +19,7 @@ use serde::Serialize;
 pub use confined::confined;
 
 use crate::database::{Added, BlockOf, Database, Meta, Prepared};
-use crate::error::{Error, IngestError, chain};
+use crate::error::{Error, chain};
 use crate::progress::Progress;
 use crate::store::Volumes;
 use crate::synth::{Recipe, Specimen};
@@ -228,7 +228,7 @@ pub fn synthesise(
         let mut tags = specimen.tags.clone();
         tags.entry("recipe".into()).or_insert_with(|| recipe.name().to_owned());
         let meta = Meta::named(specimen.name.clone()).tags(tags).source(VolumeSource::SYNTHETIC);
-        let prepared = database.prepare(specimen.volume(), meta, Volumes::Keep);
+        let prepared = database.prepare(&specimen.volume(), meta, Volumes::Keep);
         Item { path: specimen.name.into(), prepared, files: 1 }
     };
     let mut batch = Batch::new(database, progress, on_event);
@@ -258,7 +258,7 @@ fn one_per_file(database: &Database, file: Result<PathBuf, volume::ReadError>, o
     };
     let prepared = read.and_then(|(volume, source)| {
         let meta = meta(&path, options).source(source);
-        database.prepare(volume, meta, options.volumes)
+        database.prepare(&volume, meta, options.volumes)
     });
     Item { path: options.shown(&path), prepared, files: 1 }
 }
@@ -289,22 +289,24 @@ fn cut(
     };
     let origins: Vec<_> = volume.block_origins(side).collect();
     let count = origins.len();
-    let too_large = || {
-        let (path, shape) = (options.shown(&path), volume.shape());
-        Error::from(IngestError::BlockTooLarge { path, shape, side })
-    };
     if count == 0 {
-        return batch.push(fail(&path, too_large()));
+        return batch
+            .push(fail(&path, Error::BlockTooLarge { path: options.shown(&path), shape: volume.shape(), side }));
     }
     let whole: usize = volume.shape().iter().product();
     batch.report.left_over += (whole - count * side.pow(3)) as u64;
     let database = batch.database;
     let describe = |(number, origin): (usize, volume::Shape)| {
-        let prepared = volume.block(origin, [side; 3]).ok_or_else(too_large).and_then(|block| {
+        let block = volume.block(origin, [side; 3]).ok_or(Error::BlockTooLarge {
+            path: options.shown(&path),
+            shape: volume.shape(),
+            side,
+        });
+        let prepared = block.and_then(|block| {
             let [z, y, x] = origin;
             let mut meta = meta(&path, options).source(source).block(BlockOf { origin, shape: volume.shape() });
             meta.name = format!("{}[{z},{y},{x}]", meta.name);
-            database.prepare(block, meta, options.volumes)
+            database.prepare(&block, meta, options.volumes)
         });
         Item { path: options.shown(&path), prepared, files: u64::from(number + 1 == count) }
     };

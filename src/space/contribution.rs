@@ -33,7 +33,7 @@ impl Contribution {
 
     /// The contribution of a descriptor, without octants; `None` where the texture lacks a view.
     pub fn from_descriptor(feature_set: &FeatureSet, descriptor: &Descriptor) -> Option<Self> {
-        Self::from_features(feature_set, &feature_set.features(descriptor))
+        Self::from_features(feature_set, &descriptor.features(feature_set))
     }
 
     /// As [`Contribution::from_descriptor`], of moments in someone else's memory.
@@ -68,7 +68,7 @@ impl Contribution {
             let mut octants = vec![[0; 8]; feature_set.dims()];
             for octant in 0..8 {
                 let moments = sums.iter().map(|(view, sums)| (*view, sums.octants()[octant].descriptor()));
-                let part = feature_set.features(&Descriptor::from_moments(moments)?);
+                let part = Descriptor::from_moments(moments)?.features(feature_set);
                 for (out, &feature) in octants.iter_mut().zip(part.values()) {
                     out[octant] = quantise(feature);
                 }

@@ -1,7 +1,8 @@
 //! [`Descriptor`]: the moments of one texture, by view.
 
-use super::{FeatureSet, SpaceError};
-use crate::hlac::{MASK_COUNT, MASKS, OctantSums, View};
+use super::feature_set::check_moments;
+use super::{FeatureSet, Features, SpaceError};
+use crate::hlac::{MASK_COUNT, OctantSums, View};
 
 /// The moments of one texture in each of its views: everything that a space can look at.
 ///
@@ -48,7 +49,7 @@ impl Descriptor {
         Self::from_moments(sums.iter().map(|(view, octants)| (*view, octants.total().descriptor())))
     }
 
-    /// The moments of a view, in the order of [`MASKS`]; `None` where the texture does not have it.
+    /// The moments of a view, in the order of [`crate::hlac::MASKS`]; `None` where the texture does not have it.
     pub fn get(&self, view: View) -> Option<&[f32; MASK_COUNT]> {
         self.views.iter().find(|(other, _)| *other == view).map(|(_, moments)| moments)
     }
@@ -61,6 +62,11 @@ impl Descriptor {
     /// Whether at least one view of a feature set is there: a space can then place the texture.
     pub fn overlaps(&self, features: &FeatureSet) -> bool {
         features.views().iter().any(|&view| self.get(view).is_some())
+    }
+
+    /// The features of the texture. Those of views that it does not have are missing; see [`Features::missing`].
+    pub fn features(&self, feature_set: &FeatureSet) -> Features {
+        feature_set.collect(|view| self.get(view))
     }
 
     /// The views and their moments, in the order in which they were given.
@@ -84,17 +90,6 @@ impl Descriptor {
     }
 }
 
-/// Refuses numbers that are no moments.
-pub(super) fn check_moments(view: View, moments: &[f32; MASK_COUNT]) -> Result<(), SpaceError> {
-    // One pass without branches; the culprit is looked for only where there is one.
-    let is_moment = |value: f32| (0.0..=1.0).contains(&value);
-    if moments.iter().fold(true, |all, &value| all & is_moment(value)) {
-        return Ok(());
-    }
-    let at = moments.iter().position(|&value| !is_moment(value)).unwrap_or(0);
-    Err(SpaceError::NotAMoment { view, mask: MASKS[at].letters(), value: moments[at] })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -110,6 +105,9 @@ mod tests {
         assert!(descriptor.covers(&FeatureSet::plain()) && !descriptor.covers(&FeatureSet::pooled()));
         assert!(descriptor.overlaps(&FeatureSet::pooled()) && !descriptor.overlaps(&FeatureSet::oriented()));
         assert!(Descriptor::default().is_empty() && descriptor.len() == 2);
+        let features = descriptor.features(&FeatureSet::pooled());
+        assert_eq!(features.missing().len(), 6);
+        assert_eq!(FeatureSet::pooled().features_from(|view| descriptor.get(view)), Ok(features));
     }
 
     #[test]

@@ -4,9 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::SpaceError;
 use super::degree_roots::degree_roots;
-use super::descriptor::check_moments;
-use super::{Descriptor, SpaceError};
 use crate::hlac::orbits::{self, ORBIT_COUNT};
 use crate::hlac::{MASK_COUNT, MASKS, View};
 
@@ -162,11 +161,6 @@ impl FeatureSet {
         Some(Feature { view, part })
     }
 
-    /// The features of a texture. Those of views that it does not have are missing; see [`Features::missing`].
-    pub fn features(&self, descriptor: &Descriptor) -> Features {
-        self.collect(|view| descriptor.get(view))
-    }
-
     /// The features of a texture whose moments stand in someone else's memory: `moments` gives those of a view, or
     /// `None` where the texture does not have it.
     ///
@@ -183,7 +177,7 @@ impl FeatureSet {
     }
 
     /// The features of moments that have been checked.
-    fn collect<'a>(&self, moments: impl Fn(View) -> Option<&'a [f32; MASK_COUNT]>) -> Features {
+    pub(super) fn collect<'a>(&self, moments: impl Fn(View) -> Option<&'a [f32; MASK_COUNT]>) -> Features {
         let mut values = vec![0.0; self.dims()];
         let mut missing = Vec::new();
         for (&view, out) in self.views.iter().zip(values.chunks_exact_mut(self.form.per_view())) {
@@ -223,6 +217,17 @@ impl fmt::Display for FeatureSet {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(&self.key())
     }
+}
+
+/// Refuses numbers that are no moments.
+pub(super) fn check_moments(view: View, moments: &[f32; MASK_COUNT]) -> Result<(), SpaceError> {
+    // One pass without branches; the culprit is looked for only where there is one.
+    let is_moment = |value: f32| (0.0..=1.0).contains(&value);
+    if moments.iter().fold(true, |all, &value| all & is_moment(value)) {
+        return Ok(());
+    }
+    let at = moments.iter().position(|&value| !is_moment(value)).unwrap_or(0);
+    Err(SpaceError::NotAMoment { view, mask: MASKS[at].letters(), value: moments[at] })
 }
 
 /// The sum of `f` over `values`, in four interleaved lanes: a fixed order in which no addition waits for the one before.
@@ -323,8 +328,8 @@ mod tests {
     use crate::hlac::orbits::symmetries;
     use proptest::prelude::*;
 
-    fn of(moments: [f32; MASK_COUNT]) -> Descriptor {
-        Descriptor::from_moments([(View::Full, moments)]).unwrap()
+    fn features(feature_set: &FeatureSet, moments: &[f32; MASK_COUNT]) -> Features {
+        feature_set.features_from(|_| Some(moments)).unwrap()
     }
 
     fn moments() -> impl Strategy<Value = [f32; MASK_COUNT]> {
@@ -337,7 +342,7 @@ mod tests {
         #[test]
         fn pooled_features_are_mean_and_deviation_and_have_no_orientation(moments in moments(), turn in 0..48_usize) {
             let feature_set = FeatureSet::new(FeatureForm::Pooled, &[View::Full]).unwrap();
-            let pooled = feature_set.features(&of(moments));
+            let pooled = features(&feature_set, &moments);
             for orbit in 0..ORBIT_COUNT {
                 let root = |&m: &u8| f64::from(moments[usize::from(m)]).powf(1.0 / MASKS[usize::from(m)].order() as f64);
                 let roots: Vec<f64> = orbits::members(orbit).iter().map(root).collect();
@@ -350,7 +355,7 @@ mod tests {
             }
             let symmetry = symmetries()[turn];
             let turned: [f32; MASK_COUNT] = std::array::from_fn(|m| moments[usize::from(symmetry[m])]);
-            let turned = feature_set.features(&of(turned));
+            let turned = features(&feature_set, &turned);
             prop_assert!(turned.values().iter().zip(pooled.values()).all(|(a, b)| (a - b).abs() < 1e-12));
         }
     }
@@ -380,11 +385,8 @@ mod tests {
     #[test]
     fn missing_views_are_listed_and_wrong_moments_refused() {
         let good = [0.5; MASK_COUNT];
-        let others = View::LIKENESS.into_iter().filter(|view| *view != View::LIKENESS[2]);
-        let descriptor = Descriptor::from_moments(others.map(|view| (view, good))).unwrap();
-        let features = FeatureSet::pooled().features(&descriptor);
+        let features = FeatureSet::pooled().features_from(|view| (view != View::LIKENESS[2]).then_some(&good)).unwrap();
         assert_eq!(features.missing(), [View::LIKENESS[2]]);
-        assert_eq!(FeatureSet::pooled().features_from(|view| descriptor.get(view)), Ok(features));
         let mut bad = good;
         bad[3] = f32::NAN;
         assert!(matches!(FeatureSet::plain().features_from(|_| Some(&bad)), Err(SpaceError::NotAMoment { .. })));

@@ -26,8 +26,7 @@ const NAMED: usize = 3;
 /// let definition = Definition::built_in("paper").ok_or("no such space")?;
 /// let space = Space::fit(&definition, &Statistics::new(&definition.feature_set), None, &Prior::none())?;
 /// let described = hlacdb::describe(&Volume::new([4, 4, 4], 1, vec![2; 64])?, definition.feature_set.views());
-/// let features = space.feature_set().features(&Descriptor::from_sums(&described)?);
-/// let point = space.point(&features)?;
+/// let point = space.point(&Descriptor::from_sums(&described)?.features(space.feature_set()))?;
 /// assert_eq!(point[0], 2.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -150,7 +149,7 @@ impl Space {
 
     /// The points of several textures, one after another: [`Space::dims`] coordinates each.
     pub fn points<'a>(&self, descriptors: impl IntoIterator<Item = &'a Descriptor>) -> Vec<f32> {
-        let features = descriptors.into_iter().map(|descriptor| self.feature_set().features(descriptor));
+        let features = descriptors.into_iter().map(|descriptor| descriptor.features(self.feature_set()));
         let points = features.flat_map(|features| self.scaled(self.unscaled(&features)));
         points.map(|coordinate| coordinate as f32).collect()
     }

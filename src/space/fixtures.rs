@@ -27,7 +27,7 @@ pub(super) fn described(seed: u64) -> Vec<(View, OctantSums)> {
 }
 
 pub(super) fn features(feature_set: &FeatureSet, described: &[(View, OctantSums)]) -> Features {
-    feature_set.features(&Descriptor::from_sums(described).unwrap())
+    Descriptor::from_sums(described).unwrap().features(feature_set)
 }
 
 pub(super) fn contribution(feature_set: &FeatureSet, described: &[(View, OctantSums)]) -> Contribution {

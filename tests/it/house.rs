@@ -7,6 +7,8 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::Path;
 
+use proc_macro2::{TokenStream, TokenTree};
+
 use crate::source::{Target, Workspace};
 
 /// The rooms: the beginning of their files' names, and the rooms whose items they may use. The longest beginning counts.
@@ -17,7 +19,7 @@ const ROOMS: &[(&str, &str, &[&str])] = &[
     ("testing", "crates/testing/src/", &[]),
     ("progress", "src/progress.rs", &[]),
     ("describe", "src/describe.rs", &["volume", "hlac"]),
-    ("space", "src/space/", &["volume", "hlac"]),
+    ("space", "src/space/", &["volume", "hlac", "describe"]),
     ("index", "src/index/", &["space"]),
     ("migrations", "migrations/", &[]),
     ("store", "src/store/", &["volume", "hlac", "migrations"]),
@@ -50,6 +52,10 @@ const DATABASE: &[(&str, &str, &[&str])] = &[
 
 /// The most lines that a file may have.
 const LINES: usize = 600;
+
+/// The places with unsafe code: vector instructions of the kernels and of the index, and the rates of instructions that a
+/// benchmark measures.
+const UNSAFE: &[&str] = &["crates/hlac/src/kernel/", "src/index/multiversion.rs", "benches/extract.rs"];
 
 /// Which file uses which other one, and by what names.
 #[derive(Default)]
@@ -213,8 +219,44 @@ fn no_file_is_longer_than_600_lines() {
     report("long files", &long.collect::<Vec<_>>());
 }
 
+/// Whether code contains the keyword `unsafe`, in macros as well; comments and strings do not count.
+fn has_unsafe(code: TokenStream) -> bool {
+    code.into_iter().any(|token| match token {
+        TokenTree::Ident(name) => name == "unsafe",
+        TokenTree::Group(group) => has_unsafe(group.stream()),
+        TokenTree::Punct(_) | TokenTree::Literal(_) => false,
+    })
+}
+
+#[test]
+fn unsafe_code_is_only_in_the_places_listed() {
+    let (folder, _) = this_repository();
+    let mut unused = UNSAFE.to_vec();
+    let mut found = Vec::new();
+    for (file, text) in code_files(folder).into_iter().filter(|(file, _)| file.ends_with(".rs")) {
+        let code: TokenStream = text.parse().unwrap_or_else(|error| panic!("{file}: {error}"));
+        if has_unsafe(code) {
+            match UNSAFE.iter().find(|place| file.starts_with(**place)) {
+                Some(place) => unused.retain(|other| other != place),
+                None => found.push(file),
+            }
+        }
+    }
+    report("files with unsafe code", &found);
+    assert!(unused.is_empty(), "places without unsafe code: {unused:?}");
+}
+
 mod tests {
     use super::*;
+
+    #[test]
+    fn unsafe_code_is_found_also_in_macros_but_not_in_text() {
+        let has_unsafe = |code: &str| has_unsafe(code.parse().unwrap());
+        assert!(has_unsafe("fn f() { if true { unsafe { g() } } }"));
+        assert!(has_unsafe("macro_rules! m { () => { unsafe fn f() {} } }"));
+        assert!(has_unsafe("#[unsafe(no_mangle)] fn f() {}"));
+        assert!(!has_unsafe("#![deny(unsafe_code)] /* unsafe */ fn f() -> &'static str { \"unsafe\" } // unsafe"));
+    }
 
     const CRATES: &[(&str, &str)] = &[("low", "low/lib.rs"), ("high", "src/lib.rs")];
 

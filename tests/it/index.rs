@@ -53,16 +53,16 @@ impl Scene {
     }
 
     /// The answer by sorting everything.
-    fn brute(&self, question: &KnnQuery<'_>) -> Vec<(u64, u64)> {
+    fn brute(&self, query: &KnnQuery<'_>) -> Vec<(u64, u64)> {
         let mut all: Vec<Neighbour> = self
             .live()
             .into_iter()
-            .filter(|&(id, _)| question.exclude != Some(id) && question.filter.allows(id))
-            .map(|(id, point)| Neighbour { id, distance: self.metric.distance(question.point, point) })
-            .filter(|hit| question.within.is_none_or(|radius| hit.distance <= radius))
+            .filter(|&(id, _)| query.exclude != Some(id) && query.filter.allows(id))
+            .map(|(id, point)| Neighbour { id, distance: self.metric.distance(query.point, point) })
+            .filter(|hit| query.within.is_none_or(|radius| hit.distance <= radius))
             .collect();
         all.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.id.cmp(&b.id)));
-        all.truncate(question.k);
+        all.truncate(query.k);
         bits(&all)
     }
 }
@@ -105,8 +105,8 @@ fn scene() -> impl Strategy<Value = (Scene, Vec<f32>)> {
     )
 }
 
-/// Every shape of question that the scene can be asked.
-fn questions<'a>(
+/// Every shape of query that the scene can be asked.
+fn queries<'a>(
     query: &'a [f32],
     k: usize,
     ids: &'a [u64],
@@ -117,9 +117,9 @@ fn questions<'a>(
     for k in [k, 1, usize::MAX] {
         for allowed in [IdFilter::All, IdFilter::Ids(ids), IdFilter::Predicate(odd)] {
             for within in [None, Some(radii[0]), Some(radii[1]), Some(0.0)] {
-                let question = KnnQuery { point: query, k, within, filter: allowed, exclude: None };
-                all.push(question);
-                all.push(question.exclude(1));
+                let query = KnnQuery { point: query, k, within, filter: allowed, exclude: None };
+                all.push(query);
+                all.push(query.exclude(1));
             }
         }
     }
@@ -144,11 +144,11 @@ proptest! {
         let mut distances: Vec<f64> = scene.live().values().map(|row| scene.metric.distance(&query, row)).collect();
         distances.sort_by(f64::total_cmp);
         let at = |part: usize| distances.get(distances.len() * part / 10).copied().unwrap_or(1.0);
-        for question in questions(&query, k, &ids, &odd, [at(1), at(6)]) {
-            let expected = scene.brute(&question);
+        for query in queries(&query, k, &ids, &odd, [at(1), at(6)]) {
+            let expected = scene.brute(&query);
             for method in [Method::Linear, Method::KdTree, Method::Auto] {
-                let found = index.search(&question, method).unwrap();
-                prop_assert_eq!(bits(&found), expected.clone(), "{} {:?}", method, question);
+                let found = index.search(&query, method).unwrap();
+                prop_assert_eq!(bits(&found), expected.clone(), "{} {:?}", method, query);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Spaces over what other rooms make: synthetic families, their copies under nuisances, and real moments.
+//! Spaces of synthetic families, of their copies under nuisances, and of real moments.
 
 use hlacdb::hlac::{MASK_COUNT, View};
 use hlacdb::space::{Contribution, Definition, Descriptor, FeatureSet, Features, Prior, Space, Statistics};
@@ -8,11 +8,11 @@ use hlacdb::volume::npy::NpyReader;
 
 use hlacdb_testing::data;
 
-fn features(recipe: &FeatureSet, volume: &Volume) -> Features {
-    recipe.features(&Descriptor::from_sums(&hlacdb::describe(volume, recipe.views())).unwrap())
+fn features(feature_set: &FeatureSet, volume: &Volume) -> Features {
+    Descriptor::from_sums(&hlacdb::describe(volume, feature_set.views())).unwrap().features(feature_set)
 }
 
-/// The default space of a store without textures: the prior's.
+/// The default space of a store without textures: that of the prior.
 fn default_space() -> Space {
     let definition = Definition::built_in("default").unwrap();
     Space::fit(&definition, &Statistics::new(&definition.feature_set), None, &Prior::shipped()).unwrap()
@@ -43,7 +43,7 @@ fn a_turned_brighter_noisier_copy_finds_its_family_first() {
 }
 
 #[test]
-fn turns_leave_the_default_point_nearly_where_it_was() {
+fn turns_hardly_move_the_default_point() {
     let recipe = "name = \"one\"\nseed = 5\nsize = 32\n[[group]]\nfamily = \"wood\"\ncount = 2\n";
     let specimens = synth::Recipe::parse(recipe).unwrap().specimens();
     let [texture, unlike] = [0, 1].map(|at: usize| specimens[at].volume());
@@ -52,7 +52,7 @@ fn turns_leave_the_default_point_nearly_where_it_was() {
     let space = default_space();
     let [a, b, c] =
         [&texture, &turned, &unlike].map(|volume| space.point(&features(space.feature_set(), volume)).unwrap());
-    // A turn moves the masks' cells within their windows, and so other voxels of the border are left out.
+    // After a turn the windows at the border leave out other voxels, so the points differ a little.
     let (turned, other) = (squared_distance(&a, &b), squared_distance(&a, &c));
     assert!(turned < 0.03 * other, "{turned} {other}");
     let [texture, unlike] = [&texture, &unlike].map(|volume| features(space.feature_set(), volume));
@@ -61,7 +61,7 @@ fn turns_leave_the_default_point_nearly_where_it_was() {
 }
 
 #[test]
-fn small_textures_have_points_too() {
+fn small_textures_have_points() {
     let space = default_space();
     for side in [3, 4, 7, 8, 15] {
         let volume = Volume::from_fn([side; 3], |z, y, x| (z * 50 + y * 20 + x * 7) as u8).unwrap();
@@ -73,16 +73,16 @@ fn small_textures_have_points_too() {
 }
 
 #[test]
-fn real_moments_have_the_statistics_of_the_textbook() {
+fn statistics_of_real_moments_follow_the_textbook() {
     let Some(path) = data("moments_20k.npy") else { return };
     let rows: Vec<f32> = NpyReader::open(&path).unwrap().read(1500 * MASK_COUNT as u64).unwrap();
     let (rows, _) = rows.as_chunks::<MASK_COUNT>();
     let descriptors: Vec<Descriptor> =
         rows.iter().map(|row| Descriptor::from_moments([(View::Full, *row)]).unwrap()).collect();
-    let recipe = FeatureSet::plain();
-    let mut statistics = Statistics::new(&recipe);
+    let feature_set = FeatureSet::plain();
+    let mut statistics = Statistics::new(&feature_set);
     for descriptor in &descriptors {
-        statistics.add(&Contribution::from_descriptor(&recipe, descriptor).unwrap()).unwrap();
+        statistics.add(&Contribution::from_descriptor(&feature_set, descriptor).unwrap()).unwrap();
     }
     let n = rows.len() as f64;
     for feature in [0, 1, 13, 14, 250] {

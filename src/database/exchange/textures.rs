@@ -5,7 +5,6 @@
 //! (Z, Y, X) or (Z, Y, X, 3). A texture without voxels comes with its moments, `f32`, one row of 251 per view. In a tar file
 //! `textures.jsonl` comes first. Fields that are not known are passed over when reading; a higher version is refused.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, BufWriter, Read, Write};
@@ -17,9 +16,10 @@ use super::arrays;
 use crate::database::handle::Database;
 use crate::database::points::descriptors::descriptor;
 use crate::database::scheme::Scheme;
+use crate::database::texture::Meta;
 use crate::database::write::Added;
-use crate::database::write::prepare::PreparedTexture;
-use crate::error::{Error, ExchangeError};
+use crate::database::write::prepare::Prepared;
+use crate::error::Error;
 use crate::hlac::{MASK_COUNT, Sums};
 use crate::progress::Progress;
 use crate::space::Descriptor;
@@ -193,7 +193,7 @@ impl Database {
     /// and a second run adds the rest.
     ///
     /// # Errors
-    /// [`ExchangeError::Archive`] where the list or an array is not what it should be; [`Error::Io`], [`Error::Store`].
+    /// [`Error::Exchange`] where the list or an array is not what it should be; [`Error::Io`], [`Error::Store`].
     pub fn import_textures(&self, source: &Path, progress: &dyn Progress) -> Result<TexturesImportReport, Error> {
         let mut import = Import {
             database: self,
@@ -346,13 +346,13 @@ struct Import<'a> {
 }
 
 enum Incoming {
-    Whole(Box<PreparedTexture<'static>>),
+    Whole(Box<Prepared>),
     Described(Box<NewTexture>),
 }
 
 impl Import<'_> {
     fn wrong(&self, what: impl Into<String>) -> Error {
-        ExchangeError::Archive { path: self.path.to_owned(), what: what.into() }.into()
+        Error::Exchange { path: self.path.to_owned(), what: what.into() }
     }
 
     fn heading(&self, list: &mut impl BufRead) -> Result<(), Error> {
@@ -360,7 +360,7 @@ impl Import<'_> {
         if heading.format != FORMAT || heading.version > VERSION {
             let (found, version) = (heading.format.escape_debug().to_string(), heading.version);
             return Err(self.wrong(format!(
-                "{LIST} has format '{found}' version {version}, but this version of hlacdb reads '{FORMAT}' up to version {VERSION}"
+                "{LIST} is of format '{found}' version {version}, but this hlacdb reads '{FORMAT}' up to version {VERSION}"
             )));
         }
         Ok(())
@@ -442,20 +442,15 @@ impl Import<'_> {
         match (line.voxels.is_some(), array) {
             (true, Some(array)) => {
                 let volume = arrays::volume_from_npy(array).map_err(|what| odd(self, what))?;
-                let found = Content::of(&volume);
-                if content.is_some_and(|listed| listed.hash != found.hash) {
+                if content.as_ref().is_some_and(|content| content.hash != volume.content_hash()) {
                     return Err(odd(self, "its voxels do not have the hash that the list says".into()));
                 }
-                let texture = NewTexture {
-                    name: line.name,
-                    path,
-                    tags: line.tags,
-                    provenance: line.provenance,
-                    cut: line.cut,
-                    ..NewTexture::default()
-                };
+                let meta = Meta::named(line.name).tags(line.tags);
+                let mut prepared = self.database.prepare(&volume, meta, self.volumes)?;
+                prepared.texture.path = path;
+                prepared.texture.provenance = line.provenance;
+                prepared.texture.cut = line.cut;
                 self.bytes += volume.voxels().len() as u64;
-                let prepared = self.database.prepare_hashed(Cow::Owned(volume), found, texture, self.volumes)?;
                 self.batch.push(Incoming::Whole(Box::new(prepared)));
             }
             (_, array) => {
@@ -515,7 +510,7 @@ impl Import<'_> {
                     Incoming::Described(texture) => described.push(*texture),
                 }
             }
-            for added in self.database.commit_all(whole)? {
+            for added in self.database.commit(whole)? {
                 self.count(added);
             }
             for texture in described {

@@ -8,11 +8,12 @@ use rayon::prelude::*;
 
 use super::from_disk;
 use super::source::PointSource;
-use super::{Answer, Combine, Example, Hit, Query};
+use super::{Answer, Combine, Example, HITS, Hit, Query};
 use crate::database::handle::Database;
-use crate::database::points::descriptors::{features, known_descriptor};
+use crate::database::points::descriptors::known_descriptor;
 use crate::database::quarantine::left_out;
-use crate::error::{Error, ExampleKind};
+use crate::database::scheme::DEFAULT_SPACE;
+use crate::error::Error;
 use crate::index::{IdFilter, KnnQuery, Neighbour};
 use crate::space::{Descriptor, Space};
 use crate::store::{Reads, Snapshot, StoreError};
@@ -24,16 +25,13 @@ impl Database {
     /// second on, the points are held in memory. The answers are the same to the bit.
     ///
     /// # Errors
-    /// [`Error::Query`]: `k` is 0, the distance is negative or NaN, there is no example or no such space, or an example has
-    /// none of the views that the space uses. [`Error::Store`] where the store cannot be read. An empty store has no
+    /// [`Error::ZeroK`], [`Error::BadDistance`], [`Error::NoExample`], [`Error::NoSuchSpace`], [`Error::MissingViews`] where
+    /// an example has none of the views that the space looks at, and whatever reading the store gives. An empty store has no
     /// hits: that is no error.
     pub fn query(&self, query: &Query<'_>) -> Result<Answer, Error> {
-        query.check()?;
-        let from_file_or_memory =
-            |snapshot: &Snapshot| self.point_source(snapshot, query.space_name(), query.index, query.limit());
-        match Execution::new(self, from_file_or_memory).and_then(|execution| execution.answer(query)) {
-            // The points in memory may do without what is damaged in the file: where they must be, they are recomputed.
-            Err(error) if error.is_damage() => self.from_memory(query, &[query.limit()])?.answer(query),
+        match Execution::new(self, query, 1).and_then(|asked| asked.answer(query)) {
+            // What is damaged in the file the points in memory may do without: they are made anew where they must be.
+            Err(error) if error.is_damage() => Execution::new(self, query, 2)?.answer(query),
             answer => answer,
         }
     }
@@ -43,59 +41,57 @@ impl Database {
     /// # Errors
     /// As [`Database::query`]: the first that fails.
     pub fn query_all(&self, queries: &[Query<'_>]) -> Result<Vec<Answer>, Error> {
-        if let [query] = queries {
-            return Ok(vec![self.query(query)?]);
+        match queries {
+            [] => return Ok(Vec::new()),
+            [query] => return Ok(vec![self.query(query)?]),
+            // Queries of one call mostly share space and index: those are made once, before the threads begin.
+            [first, ..] => drop(Execution::new(self, first, queries.len() as u64)?),
         }
-        // Points are loaded, and trees built, before the threads begin.
-        let mut batches: BTreeMap<(&str, &str), Vec<&Query<'_>>> = BTreeMap::new();
-        for query in queries {
-            query.check()?;
-            batches.entry((query.space_name(), query.index.name())).or_default().push(query);
-        }
-        for batch in batches.values() {
-            let ks: Vec<usize> = batch.iter().map(|query| query.limit()).collect();
-            if let Some(first) = batch.first() {
-                self.from_memory(first, &ks)?;
-            }
-        }
-        queries.par_iter().map(|query| self.from_memory(query, &[])?.answer(query)).collect()
-    }
-
-    /// A query that is answered from points in memory, made ready for queries for these numbers of neighbours.
-    fn from_memory(&self, query: &Query<'_>, ks: &[usize]) -> Result<Execution<'_>, Error> {
-        Execution::new(self, |snapshot| {
-            self.points_in_memory(snapshot, query.space_name(), query.index, ks).map(PointSource::Memory)
-        })
+        queries.par_iter().map(|query| Execution::new(self, query, 0)?.answer(query)).collect()
     }
 }
 
-/// The most values of a tag that a warning lists.
-const LISTED_VALUES: usize = 8;
+/// So many values of a tag are told where none of them was meant.
+const VALUES_TOLD: usize = 8;
 
-/// The state that a query is answered from.
+/// A query and the state it is asked of.
 struct Execution<'a> {
     database: &'a Database,
     snapshot: Snapshot,
-    points: PointSource,
+    name: String,
+    ground: PointSource,
 }
 
-/// The examples' points, with the id of each that is a texture.
+/// The points asked for, and the textures that they are of.
 type Points = Vec<(Vec<f32>, Option<u64>)>;
 
 impl<'a> Execution<'a> {
-    fn new(database: &'a Database, source: impl Fn(&Snapshot) -> Result<PointSource, Error>) -> Result<Self, Error> {
+    fn new(database: &'a Database, query: &Query<'_>, questions: u64) -> Result<Self, Error> {
+        if query.k == Some(0) {
+            return Err(Error::ZeroK);
+        }
+        if let Some(found) = query.within.filter(|distance| distance.is_nan() || *distance < 0.0) {
+            return Err(Error::BadDistance { found });
+        }
+        if query.examples.is_empty() {
+            return Err(Error::NoExample);
+        }
+        let name = query.space.as_deref().unwrap_or(DEFAULT_SPACE).to_owned();
         loop {
             let snapshot = database.store().read()?;
-            let points = source(&snapshot)?;
+            let ground = database.ground(&snapshot, &name, query.index, questions)?;
             // Another thread may have seen a later commit in between: names and distances must be of one state.
-            if points.revision().is_none_or(|revision| revision == snapshot.revision()) {
-                return Ok(Self { database, snapshot, points });
+            if ground.revision().is_none_or(|revision| revision == snapshot.revision()) {
+                return Ok(Self { database, snapshot, name, ground });
             }
         }
     }
 
     fn space(&self) -> &Arc<Space> {
-        self.points.space()
+        match &self.ground {
+            PointSource::Memory(state) => &state.space,
+            PointSource::Disk(space) => space,
+        }
     }
 
     fn answer(&self, query: &Query<'_>) -> Result<Answer, Error> {
@@ -104,11 +100,11 @@ impl<'a> Execution<'a> {
         let allowed = self.database.tagged(&self.snapshot, &query.filters)?;
         let mut warnings = self.warnings(query, allowed.as_deref().map(Vec::as_slice))?;
         let began = Instant::now();
-        let k = query.limit();
+        let k = query.k.unwrap_or(if query.within.is_some() { usize::MAX } else { HITS });
         let mut own: Vec<u64> = points.iter().filter_map(|(_, id)| *id).filter(|_| query.exclude_self).collect();
         own.extend(left_out(&self.snapshot, &mut warnings));
-        if let PointSource::Memory(state) = &self.points {
-            warnings.extend_from_slice(&state.owner.warnings);
+        if let PointSource::Memory(state) = &self.ground {
+            warnings.extend_from_slice(state.warnings());
         }
         let (hits, index, elapsed) = loop {
             own.sort_unstable();
@@ -147,17 +143,17 @@ impl<'a> Execution<'a> {
             // Whoever asked is told by the answer.
             tracing::debug!("{warning}");
         }
-        Ok(Answer { space: query.space_name().to_owned(), index, epoch: self.space().epoch(), elapsed, warnings, hits })
+        Ok(Answer { space: self.name.clone(), index, epoch: self.space().epoch(), elapsed, warnings, hits })
     }
 
     fn search(&self, question: &KnnQuery<'_>, query: &Query<'_>) -> Result<(Vec<Neighbour>, &'static str), Error> {
-        match &self.points {
+        match &self.ground {
             PointSource::Memory(state) => {
                 let method = state.index.choose(question, query.index);
                 Ok((state.index.search(question, query.index)?, method.name()))
             }
             PointSource::Disk(space) => {
-                let neighbours = from_disk::search(&self.snapshot, query.space_name(), space, question)?;
+                let neighbours = from_disk::search(&self.snapshot, &self.name, space, question)?;
                 Ok((neighbours, crate::index::Method::Linear.name()))
             }
         }
@@ -166,8 +162,8 @@ impl<'a> Execution<'a> {
     /// Names and tags.
     fn hits(&self, neighbours: &[Neighbour]) -> Result<Vec<Hit>, Error> {
         let ids: Vec<u64> = neighbours.iter().map(|hit| hit.id).collect();
-        let records = match &self.points {
-            PointSource::Memory(state) => state.owner.records_of(&self.snapshot, &ids)?,
+        let records = match &self.ground {
+            PointSource::Memory(state) => state.records_of(&self.snapshot, &ids)?,
             PointSource::Disk(_) => {
                 self.snapshot.records_of(&ids)?.into_iter().map(|record| record.map(Arc::new)).collect()
             }
@@ -199,7 +195,7 @@ impl<'a> Execution<'a> {
                 }
                 let known = self.snapshot.tag_values(key)?;
                 if known.iter().all(|(one, _)| one != value) {
-                    let some: Vec<&str> = known.iter().take(LISTED_VALUES).map(|(one, _)| one.as_str()).collect();
+                    let some: Vec<&str> = known.iter().take(VALUES_TOLD).map(|(one, _)| one.as_str()).collect();
                     let more = if known.len() > some.len() { ", ..." } else { "" };
                     warnings.push(format!(
                         "no texture carries {key}={value}, so nothing can be a hit; the values of '{key}': {}{more}",
@@ -218,28 +214,33 @@ impl<'a> Execution<'a> {
     fn point(&self, example: &Example<'_>, query: &Query<'_>) -> Result<(Vec<f32>, Option<u64>), Error> {
         match example {
             Example::Texture(id) => {
-                let kept = match &self.points {
+                let kept = match &self.ground {
                     PointSource::Memory(state) => state.index.points().point(*id).map(<[f32]>::to_vec),
-                    PointSource::Disk(space) => from_disk::point(&self.snapshot, query.space_name(), space, *id)?,
+                    PointSource::Disk(space) => from_disk::point(&self.snapshot, &self.name, space, *id)?,
                 };
                 if let Some(point) = kept {
                     return Ok((point, Some(*id)));
                 }
                 let descriptor = known_descriptor(&self.snapshot, *id)?;
-                Ok((self.map(&descriptor, ExampleKind::Texture(*id))?, Some(*id)))
+                Ok((self.map(&descriptor, || format!("texture {id}"))?, Some(*id)))
             }
             Example::Volume(volume) => {
                 let described = crate::describe(volume, self.space().feature_set().views());
                 let descriptor = Descriptor::from_sums(&described)?;
                 let own = if query.exclude_self { self.snapshot.find(&volume.content_hash())? } else { None };
-                Ok((self.map(&descriptor, ExampleKind::Volume)?, own))
+                Ok((self.map(&descriptor, || "the volume".to_owned())?, own))
             }
-            Example::Descriptor(descriptor) => Ok((self.map(descriptor, ExampleKind::Descriptor)?, None)),
+            Example::Descriptor(descriptor) => Ok((self.map(descriptor, || "the descriptor".to_owned())?, None)),
         }
     }
 
-    fn map(&self, descriptor: &Descriptor, example: ExampleKind) -> Result<Vec<f32>, Error> {
-        Ok(self.space().point(&features(self.space(), descriptor, example)?)?)
+    fn map(&self, descriptor: &Descriptor, what: impl Fn() -> String) -> Result<Vec<f32>, Error> {
+        let space = self.space();
+        if !descriptor.overlaps(space.feature_set()) {
+            let needs = space.feature_set().views().iter().map(|view| view.name().to_owned()).collect();
+            return Err(Error::MissingViews { space: self.name.clone(), needs, what: what() });
+        }
+        Ok(space.point(&descriptor.features(space.feature_set()))?)
     }
 }
 

@@ -44,9 +44,9 @@ pub(crate) fn search(
             continue;
         }
         let packed = kept.codes(block as u32)?;
-        scan.codes(block * kept.code_rows(), ids, kept.stride(), &unpacked(&packed), |row| rows.is_live(row));
+        scan.push_codes(block * kept.code_rows(), ids, kept.stride(), &unpacked(&packed), |row| rows.is_live(row));
         if scan.is_full() {
-            scan.settle(&mut fetch)?;
+            scan.refine(&mut fetch)?;
         }
     }
     scan.finish(fetch)

@@ -129,7 +129,7 @@ fn a_missing_view_counts_as_average() {
     let filled = features.values().iter().enumerate();
     let filled = filled.map(|(at, &x)| Some(if at / per_view == 2 { projection.mean[at] } else { x }));
     assert_eq!(space.raw_point(&features).unwrap(), projection.project(filled));
-    let nothing = feature_set.features(&Descriptor::default());
+    let nothing = Descriptor::default().features(feature_set);
     assert_eq!(space.point(&nothing).unwrap(), vec![0.0; 32]);
 }
 

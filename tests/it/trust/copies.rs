@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use hlacdb::volume::Volume;
-use hlacdb::{Database, Error, Meta, OpenError, OpenOptions, Query};
+use hlacdb::{Database, Error, Meta, OpenOptions, Query};
 
 use super::{edit, filled, flip, told, volume};
 
@@ -35,7 +35,7 @@ fn a_backup_beside_a_writer_is_one_consistent_state() {
     });
     let path = folder.path().join("last");
     database.backup(&path, &()).unwrap();
-    assert!(matches!(database.backup(&path, &()), Err(Error::Open(OpenError::Exists { .. }))));
+    assert!(matches!(database.backup(&path, &()), Err(Error::Store(hlacdb::store::StoreError::Exists { .. }))));
     let original = database.path().to_path_buf();
     drop(database);
     assert_eq!(told(&path), told(&original));
@@ -61,7 +61,7 @@ fn exported_textures_are_imported_unchanged() {
     let database = Database::open(&path).unwrap();
     let colours = Volume::new([5, 6, 7], 3, (0..5 * 6 * 7 * 3).map(|i| (i * 7 % 251) as u8).collect()).unwrap();
     database.add(&colours, Meta::named("colours").tag("a,b", "c\n\u{e9}")).unwrap();
-    let bare = database.prepare(volume(50, 12), Meta::named("no voxels"), hlacdb::store::Volumes::None).unwrap();
+    let bare = database.prepare(&volume(50, 12), Meta::named("no voxels"), hlacdb::store::Volumes::None).unwrap();
     database.commit(vec![bare]).unwrap();
     #[cfg(unix)]
     {
