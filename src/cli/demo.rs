@@ -203,13 +203,15 @@ fn build(database: &Database, recipe: &Recipe, bars: &Bars) -> Result<Option<Tim
     }
     let began = Instant::now();
     bars.begin("storing", Some(textures.len() as u64));
-    for batch in textures.chunks(64) {
+    while !textures.is_empty() {
+        let batch: Vec<_> = textures.drain(..textures.len().min(64)).collect();
+        let added = batch.len() as u64;
         let prepared: Result<Vec<_>, _> = batch
-            .par_iter()
-            .map(|(meta, volume)| database.prepare(volume, meta.clone(), hlacdb::store::Volumes::Keep))
+            .into_par_iter()
+            .map(|(meta, volume)| database.prepare(volume, meta, hlacdb::store::Volumes::Keep))
             .collect();
         database.commit(prepared?)?;
-        bars.advance(batch.len() as u64);
+        bars.advance(added);
         if bars.cancelled() {
             return Ok(None);
         }

@@ -23,17 +23,25 @@ pub struct OpenOptions {
     create: bool,
     views: Vec<View>,
     volumes: Volumes,
-    cache_bytes: Option<usize>,
+    cache_bytes: usize,
 }
 
 impl Default for OpenOptions {
     fn default() -> Self {
         let views = View::STANDARD.to_vec();
-        Self { read_only: false, create: true, views, volumes: Volumes::Keep, cache_bytes: None }
+        let cache_bytes = Self::DEFAULT_CACHE_BYTES;
+        Self { read_only: false, create: true, views, volumes: Volumes::Keep, cache_bytes }
     }
 }
 
 impl OpenOptions {
+    /// The default of [`OpenOptions::cache_bytes`].
+    ///
+    /// ```
+    /// assert_eq!(hlacdb::OpenOptions::DEFAULT_CACHE_BYTES, 256 << 20);
+    /// ```
+    pub const DEFAULT_CACHE_BYTES: usize = Options::DEFAULT_CACHE_BYTES;
+
     /// For reading and writing; a store is made where there is none, with the default views and with voxels.
     pub fn new() -> Self {
         Self::default()
@@ -67,10 +75,11 @@ impl OpenOptions {
         self
     }
 
-    /// How many bytes of the file may be held in memory; 1 GiB unless said.
+    /// The memory, in bytes, that may be used to cache pages of the file. The default is
+    /// [`OpenOptions::DEFAULT_CACHE_BYTES`], 256 MiB.
     #[must_use]
     pub fn cache_bytes(mut self, bytes: usize) -> Self {
-        self.cache_bytes = Some(bytes);
+        self.cache_bytes = bytes;
         self
     }
 
@@ -82,10 +91,7 @@ impl OpenOptions {
     /// ([`Error::needs_repair`]).
     pub fn open(&self, path: impl AsRef<Path>) -> Result<Database, Error> {
         let path = path.as_ref();
-        let mut options = Options::default();
-        if let Some(bytes) = self.cache_bytes {
-            options = options.cache_bytes(bytes);
-        }
+        let options = self.store_options();
         let exists = path.try_exists().map_err(|source| Error::file("looking at", path, source))?;
         let store = match (exists, self.read_only, self.create) {
             (true, true, _) => options.open_read_only(path)?,
@@ -102,12 +108,16 @@ impl OpenOptions {
     /// As [`OpenOptions::open`].
     pub fn open_with_backend(&self, backend: impl redb::StorageBackend) -> Result<Database, Error> {
         let empty = backend.len().map_err(|source| Error::io("looking at the backend", source))? == 0;
-        let options = Options::default();
+        let options = self.store_options();
         let store = match empty {
             true => options.create_with_backend(backend, &self.settings())?,
             false => options.open_with_backend(backend)?,
         };
         Ok(Self::database(Path::new("(backend)"), store))
+    }
+
+    fn store_options(&self) -> Options {
+        Options::default().cache_bytes(self.cache_bytes)
     }
 
     fn database(path: &Path, store: Store) -> Database {

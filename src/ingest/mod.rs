@@ -228,7 +228,7 @@ pub fn synthesise(
         let mut tags = specimen.tags.clone();
         tags.entry("recipe".into()).or_insert_with(|| recipe.name().to_owned());
         let meta = Meta::named(specimen.name.clone()).tags(tags).source(VolumeSource::SYNTHETIC);
-        let prepared = database.prepare(&specimen.volume(), meta, Volumes::Keep);
+        let prepared = database.prepare(specimen.volume(), meta, Volumes::Keep);
         Item { path: specimen.name.into(), prepared, files: 1 }
     };
     let mut batch = Batch::new(database, progress, on_event);
@@ -258,7 +258,7 @@ fn one_per_file(database: &Database, file: Result<PathBuf, volume::ReadError>, o
     };
     let prepared = read.and_then(|(volume, source)| {
         let meta = meta(&path, options).source(source);
-        database.prepare(&volume, meta, options.volumes)
+        database.prepare(volume, meta, options.volumes)
     });
     Item { path: options.shown(&path), prepared, files: 1 }
 }
@@ -306,7 +306,7 @@ fn cut(
             let [z, y, x] = origin;
             let mut meta = meta(&path, options).source(source).block(BlockOf { origin, shape: volume.shape() });
             meta.name = format!("{}[{z},{y},{x}]", meta.name);
-            database.prepare(&block, meta, options.volumes)
+            database.prepare(block, meta, options.volumes)
         });
         Item { path: options.shown(&path), prepared, files: u64::from(number + 1 == count) }
     };

@@ -44,6 +44,8 @@ pub use format::header::{FORMAT_VERSION, Settings, Volumes};
 pub use format::keys::{MAX_NAME, MAX_TAG_VALUE};
 pub use format::points::{MAX_POINT_WIDTH, PointsLayout, point_rows_per_block};
 pub use format::record::{Content, Cut, Provenance, Record, RecordedMapping, StoredVoxels, VoxelFilter, path_bytes};
+#[cfg(test)]
+pub(crate) use format::record::hashes_made;
 pub use format::rows::Rows;
 pub use format::voxels::CompressedVoxels;
 pub use os::panic_boundary::panic_is_contained;

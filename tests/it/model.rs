@@ -171,7 +171,7 @@ fn one_by_one_or_all_at_once_gives_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let numbers: Vec<u8> = (0..11).collect();
     let whole = Database::open(folder.path().join("whole")).unwrap();
-    let prepare = |n: &u8| whole.prepare(&texture(*n), Meta::named("t"), Default::default()).unwrap();
+    let prepare = |n: &u8| whole.prepare(texture(*n), Meta::named("t"), Default::default()).unwrap();
     whole.commit(numbers.iter().map(prepare).collect()).unwrap();
     let single = Database::open(folder.path().join("single")).unwrap();
     for &n in &numbers {

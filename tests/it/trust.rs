@@ -38,7 +38,7 @@ pub(crate) fn filled(folder: &Path, textures: u64, side: usize) -> PathBuf {
     let prepared = (1..=textures).map(|n| {
         let meta =
             Meta::named(format!("texture {n}")).tag("third", (n % 3).to_string()).path(format!("/scans/{n}.npy"));
-        database.prepare(&volume(n, side), meta, Default::default()).unwrap()
+        database.prepare(volume(n, side), meta, Default::default()).unwrap()
     });
     database.commit(prepared.collect()).unwrap();
     path

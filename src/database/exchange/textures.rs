@@ -5,6 +5,7 @@
 //! (Z, Y, X) or (Z, Y, X, 3). A texture without voxels comes with its moments, `f32`, one row of 251 per view. In a tar file
 //! `textures.jsonl` comes first. Fields that are not known are passed over when reading; a higher version is refused.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, BufWriter, Read, Write};
@@ -16,9 +17,8 @@ use super::arrays;
 use crate::database::handle::Database;
 use crate::database::points::descriptors::descriptor;
 use crate::database::scheme::Scheme;
-use crate::database::texture::Meta;
 use crate::database::write::Added;
-use crate::database::write::prepare::Prepared;
+use crate::database::write::prepare::PreparedTexture;
 use crate::error::Error;
 use crate::hlac::{MASK_COUNT, Sums};
 use crate::progress::Progress;
@@ -346,7 +346,7 @@ struct Import<'a> {
 }
 
 enum Incoming {
-    Whole(Box<Prepared>),
+    Whole(Box<PreparedTexture<'static>>),
     Described(Box<NewTexture>),
 }
 
@@ -442,15 +442,20 @@ impl Import<'_> {
         match (line.voxels.is_some(), array) {
             (true, Some(array)) => {
                 let volume = arrays::volume_from_npy(array).map_err(|what| odd(self, what))?;
-                if content.as_ref().is_some_and(|content| content.hash != volume.content_hash()) {
+                let found = Content::of(&volume);
+                if content.is_some_and(|listed| listed.hash != found.hash) {
                     return Err(odd(self, "its voxels do not have the hash that the list says".into()));
                 }
-                let meta = Meta::named(line.name).tags(line.tags);
-                let mut prepared = self.database.prepare(&volume, meta, self.volumes)?;
-                prepared.texture.path = path;
-                prepared.texture.provenance = line.provenance;
-                prepared.texture.cut = line.cut;
+                let texture = NewTexture {
+                    name: line.name,
+                    path,
+                    tags: line.tags,
+                    provenance: line.provenance,
+                    cut: line.cut,
+                    ..NewTexture::default()
+                };
                 self.bytes += volume.voxels().len() as u64;
+                let prepared = self.database.prepare_hashed(Cow::Owned(volume), found, texture, self.volumes)?;
                 self.batch.push(Incoming::Whole(Box::new(prepared)));
             }
             (_, array) => {
@@ -510,7 +515,7 @@ impl Import<'_> {
                     Incoming::Described(texture) => described.push(*texture),
                 }
             }
-            for added in self.database.commit(whole)? {
+            for added in self.database.commit_all(whole)? {
                 self.count(added);
             }
             for texture in described {

@@ -1,10 +1,12 @@
-//! Changes: every one a transaction, statistics and points included.
+//! Adding, removing and tagging textures: every change is one transaction, with its statistics and points.
 
 pub(crate) mod prepare;
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 
-use self::prepare::{Prepared, Work};
+use self::prepare::{Preparation, Prepared, PreparedTexture, describe};
 use crate::database::fit::spaces::fit;
 use crate::database::handle::Database;
 use crate::database::points::contributions::{contribution_blocks, contributions_of, described_contributions};
@@ -14,7 +16,7 @@ use crate::database::scheme::Scheme;
 use crate::database::texture::{Meta, Texture};
 use crate::error::Error;
 use crate::space::{Contribution, Statistics};
-use crate::store::{NewTexture, Reads, StoreError, Transaction};
+use crate::store::{Content, NewTexture, Reads, StoreError, Transaction};
 use crate::volume::Volume;
 
 /// What became of a texture that was added.
@@ -45,8 +47,14 @@ impl Database {
     /// [`Error::Store`].
     pub fn add(&self, volume: &Volume, meta: Meta) -> Result<Added, Error> {
         let volumes = self.store().read()?.settings().volumes;
-        let added = self.commit(vec![self.prepare(volume, meta, volumes)?])?;
-        Ok(added.first().copied().unwrap_or(Added::Duplicate(0)))
+        let content = Content::of(volume);
+        let prepared = self.prepare_hashed(Cow::Borrowed(volume), content, meta.into_texture(), volumes)?;
+        self.change_if(|transaction, statistics_cache| {
+            let mut addition = Addition::new(transaction, statistics_cache)?;
+            let added = addition.add(prepared)?;
+            let changed = addition.finish()?;
+            Ok((added, changed))
+        })
     }
 
     /// Adds prepared textures in one transaction, in their order: all of them, durably, or none.
@@ -54,18 +62,18 @@ impl Database {
     /// # Errors
     /// [`Error::Store`].
     pub fn commit(&self, prepared: Vec<Prepared>) -> Result<Vec<Added>, Error> {
+        self.commit_all(prepared.into_iter().map(|prepared| prepared.0).collect())
+    }
+
+    /// As [`Database::commit`].
+    pub(crate) fn commit_all(&self, prepared: Vec<PreparedTexture<'_>>) -> Result<Vec<Added>, Error> {
         if prepared.is_empty() {
             return Ok(Vec::new());
         }
         self.change_if(|transaction, statistics_cache| {
-            let mut fits = Fits::new(transaction)?;
-            let mut added = Vec::with_capacity(prepared.len());
-            for texture in prepared {
-                added.push(add_one(transaction, statistics_cache, texture)?);
-                fits.after(statistics_cache);
-            }
-            fits.finish(transaction)?;
-            let changed = added.iter().any(|outcome| matches!(outcome, Added::New(_)));
+            let mut addition = Addition::new(transaction, statistics_cache)?;
+            let added = prepared.into_iter().map(|texture| addition.add(texture)).collect::<Result<_, _>>()?;
+            let changed = addition.finish()?;
             Ok((added, changed))
         })
     }
@@ -138,26 +146,44 @@ impl Database {
     }
 }
 
-fn add_one(
-    transaction: &mut Transaction,
-    statistics_cache: &mut StatisticsCache,
-    texture: Prepared,
-) -> Result<Added, Error> {
-    if let Some(id) = transaction.find(&texture.content.hash)? {
-        return Ok(Added::Duplicate(id));
+/// Prepared textures on their way into one transaction.
+struct Addition<'a> {
+    transaction: &'a mut Transaction,
+    statistics_cache: &'a mut StatisticsCache,
+    fits: Fits,
+    changed: bool,
+}
+
+impl<'a> Addition<'a> {
+    fn new(transaction: &'a mut Transaction, statistics_cache: &'a mut StatisticsCache) -> Result<Self, Error> {
+        let fits = Fits::new(transaction)?;
+        Ok(Self { transaction, statistics_cache, fits, changed: false })
     }
-    let texture = match texture.work {
-        Work::Described(_) => texture,
-        Work::Known(ref volume, volumes) => {
-            let volume = volume.clone();
-            texture.described(&volume, volumes, &Scheme::of(transaction))?
+
+    fn add(&mut self, prepared: PreparedTexture<'_>) -> Result<Added, Error> {
+        if let Some(id) = self.transaction.find(&prepared.content.hash)? {
+            return Ok(Added::Duplicate(id));
         }
-    };
-    let id = transaction.add(texture.texture)?;
-    if let Work::Described(parts) = &texture.work {
-        statistics_cache.add(parts)?;
+        let PreparedTexture { content, texture, state } = prepared;
+        let (texture, contributions) = match state {
+            Preparation::Described(contributions) => (texture, contributions),
+            // The texture that had this content was removed since it was looked for.
+            Preparation::Duplicate(volume, volumes) => {
+                describe(&volume, content, texture, volumes, &Scheme::of(self.transaction))?
+            }
+        };
+        let id = self.transaction.add(texture)?;
+        self.statistics_cache.add(&contributions)?;
+        self.fits.after(self.statistics_cache);
+        self.changed = true;
+        Ok(Added::New(id))
     }
-    Ok(Added::New(id))
+
+    /// Fits the spaces where that is due. True where anything was added.
+    fn finish(self) -> Result<bool, Error> {
+        self.fits.finish(self.transaction)?;
+        Ok(self.changed)
+    }
 }
 
 /// Fits that become due while textures are added: at each doubling, on the statistics of that very moment, so that one

@@ -1,5 +1,7 @@
 //! From a volume to what a transaction adds: the part of adding that runs on any thread.
 
+use std::borrow::Cow;
+
 use crate::database::handle::Database;
 use crate::database::points::contributions::{contributions, full_sums, with_full};
 use crate::database::scheme::Scheme;
@@ -10,30 +12,36 @@ use crate::space::{Contribution, Descriptor};
 use crate::store::{CompressedVoxels, Content, NewTexture, Reads, ViewCode, Volumes};
 use crate::volume::Volume;
 
-/// A described texture on its way into the store, made by [`Database::prepare`] on any thread.
+/// A described texture on its way into the store. [`Database::prepare`] makes it on any thread, [`Database::commit`] adds
+/// it.
 #[derive(Debug)]
-pub struct Prepared {
-    pub(crate) content: Content,
-    pub(crate) texture: NewTexture,
-    pub(crate) work: Work,
-}
-
-/// How far the work on a texture has come.
-#[derive(Debug)]
-pub(crate) enum Work {
-    /// All that a transaction needs; what the texture adds to the statistics, one per recipe.
-    Described(Vec<Contribution>),
-    /// The content was in the store already, so that nothing was described. Should it have been removed by the time of
-    /// the commit, it is described then.
-    Known(Box<Volume>, Volumes),
-}
+pub struct Prepared(pub(crate) PreparedTexture<'static>);
 
 impl Prepared {
-    /// About how many bytes it will take in the store.
+    /// About how many bytes the texture will take in the store.
     pub fn stored_bytes(&self) -> usize {
-        let voxels = self.texture.voxels.as_ref().map_or(0, |voxels| voxels.bytes() as usize);
-        voxels + self.texture.descriptors.len() * MASK_COUNT * 4
+        let texture = &self.0.texture;
+        let voxels = texture.voxels.as_ref().map_or(0, |voxels| voxels.bytes() as usize);
+        voxels + texture.descriptors.len() * MASK_COUNT * 4
     }
+}
+
+/// A texture that may still have to be described. Its volume is hashed once, when this is made.
+#[derive(Debug)]
+pub(crate) struct PreparedTexture<'a> {
+    pub(crate) content: Content,
+    pub(crate) texture: NewTexture,
+    pub(crate) state: Preparation<'a>,
+}
+
+/// How far a texture is prepared.
+#[derive(Debug)]
+pub(crate) enum Preparation<'a> {
+    /// Completely. The contributions are what it adds to the statistics, one per feature set.
+    Described(Vec<Contribution>),
+    /// Not at all: its content was in the store already. If that texture is removed before the commit, the volume is
+    /// described during the commit.
+    Duplicate(Cow<'a, Volume>, Volumes),
 }
 
 impl Database {
@@ -43,34 +51,101 @@ impl Database {
     ///
     /// # Errors
     /// [`Error::Store`] where the store cannot be read.
-    pub fn prepare(&self, volume: &Volume, meta: Meta, volumes: Volumes) -> Result<Prepared, Error> {
-        let content = Content::of(volume);
+    pub fn prepare(&self, volume: Volume, meta: Meta, volumes: Volumes) -> Result<Prepared, Error> {
+        let content = Content::of(&volume);
+        self.prepare_hashed(Cow::Owned(volume), content, meta.into_texture(), volumes).map(Prepared)
+    }
+
+    /// As [`Database::prepare`], for a volume whose hash is known already.
+    pub(crate) fn prepare_hashed<'a>(
+        &self,
+        volume: Cow<'a, Volume>,
+        content: Content,
+        texture: NewTexture,
+        volumes: Volumes,
+    ) -> Result<PreparedTexture<'a>, Error> {
         let snapshot = self.store().read()?;
         if snapshot.find(&content.hash)?.is_some() {
-            let work = Work::Known(Box::new(volume.clone()), volumes);
-            return Ok(Prepared { content, texture: meta.into_texture(), work });
+            return Ok(PreparedTexture { content, texture, state: Preparation::Duplicate(volume, volumes) });
         }
-        let views = Scheme::of(&snapshot);
+        let scheme = Scheme::of(&snapshot);
         drop(snapshot);
-        Prepared { content, texture: meta.into_texture(), work: Work::Described(Vec::new()) }
-            .described(volume, volumes, &views)
+        let (texture, contributions) = describe(&volume, content.clone(), texture, volumes, &scheme)?;
+        Ok(PreparedTexture { content, texture, state: Preparation::Described(contributions) })
     }
 }
 
-impl Prepared {
-    /// With everything that a transaction needs.
-    pub(crate) fn described(mut self, volume: &Volume, volumes: Volumes, views: &Scheme) -> Result<Self, Error> {
-        let described = crate::describe(volume, &with_full(views.views()));
-        let descriptor = Descriptor::from_sums(&described)?;
-        self.texture.sums = full_sums(&described);
-        let moments = |&view: &View| Some((ViewCode(view.code()), *descriptor.get(view)?));
-        self.texture.descriptors = views.views().iter().filter_map(moments).collect();
-        self.work = Work::Described(contributions(&described, views)?);
-        self.texture.voxels = match volumes {
-            Volumes::Keep => Some(CompressedVoxels::new(volume)?),
-            Volumes::None => None,
+/// The texture with everything that is stored of its volume, and what it adds to the statistics.
+pub(crate) fn describe(
+    volume: &Volume,
+    content: Content,
+    mut texture: NewTexture,
+    volumes: Volumes,
+    scheme: &Scheme,
+) -> Result<(NewTexture, Vec<Contribution>), Error> {
+    let described = crate::describe(volume, &with_full(scheme.views()));
+    let descriptor = Descriptor::from_sums(&described)?;
+    texture.sums = full_sums(&described);
+    let moments = |&view: &View| Some((ViewCode(view.code()), *descriptor.get(view)?));
+    texture.descriptors = scheme.views().iter().filter_map(moments).collect();
+    texture.voxels = match volumes {
+        Volumes::Keep => Some(CompressedVoxels::with_content(volume, content.clone())?),
+        Volumes::None => None,
+    };
+    texture.content = Some(content);
+    Ok((texture, contributions(&described, scheme)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::hashes_made;
+
+    fn volume(seed: usize) -> Volume {
+        Volume::from_fn([12; 3], |z, y, x| ((z * seed + y * 3 + x * x) * 7) as u8).unwrap()
+    }
+
+    #[test]
+    fn a_volume_is_hashed_once_however_it_is_added() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = Database::open(folder.path().join("a.hlacdb")).unwrap();
+        let hashes = |act: &dyn Fn()| {
+            let before = hashes_made();
+            act();
+            hashes_made() - before
         };
-        self.texture.content = Some(self.content.clone());
-        Ok(self)
+        let add = || assert_eq!(database.add(&volume(1), Meta::named("one")).unwrap().id(), 1);
+        assert_eq!(hashes(&add), 1, "a new texture");
+        assert_eq!(hashes(&add), 1, "a duplicate");
+        let prepare = || {
+            let prepared = database.prepare(volume(2), Meta::named("two"), Volumes::Keep).unwrap();
+            database.commit(vec![prepared]).unwrap();
+        };
+        assert_eq!(hashes(&prepare), 1);
+        let archive = folder.path().join("out");
+        database.export_textures(&archive, &()).unwrap();
+        let other = Database::open(folder.path().join("b.hlacdb")).unwrap();
+        let import = || assert_eq!(other.import_textures(&archive, &()).unwrap().added, 2);
+        assert_eq!(hashes(&import), 2, "two textures");
+    }
+
+    #[test]
+    fn a_duplicate_keeps_its_volume_without_a_copy_and_is_described_if_the_other_is_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = Database::open(folder.path().join("a.hlacdb")).unwrap();
+        let id = database.add(&volume(1), Meta::named("one")).unwrap().id();
+        let volume = volume(1);
+        let voxels = volume.voxels().as_ptr();
+        let prepared = database.prepare(volume.clone(), Meta::named("again"), Volumes::Keep).unwrap();
+        let again = database.prepare(volume, Meta::named("again"), Volumes::Keep).unwrap();
+        match &again.0.state {
+            Preparation::Duplicate(kept, _) => assert_eq!(kept.voxels().as_ptr(), voxels),
+            other => panic!("{other:?}"),
+        }
+        assert_eq!(database.commit(vec![prepared]).unwrap(), [crate::Added::Duplicate(id)]);
+        database.remove(&[id]).unwrap();
+        let added = database.commit(vec![again]).unwrap();
+        assert_eq!(added, [crate::Added::New(id + 1)]);
+        assert!(database.verify(true, &()).unwrap().ok());
     }
 }

@@ -38,12 +38,15 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { cache_bytes: 256 << 20 }
+        Self { cache_bytes: Self::DEFAULT_CACHE_BYTES }
     }
 }
 
 impl Options {
-    /// The memory that the engine may use to cache pages; 256 MiB by default.
+    /// The default of [`Options::cache_bytes`]: 256 MiB.
+    pub const DEFAULT_CACHE_BYTES: usize = 256 << 20;
+
+    /// The memory that the engine may use to cache pages: [`Options::DEFAULT_CACHE_BYTES`] by default.
     pub fn cache_bytes(mut self, bytes: usize) -> Self {
         self.cache_bytes = bytes;
         self

@@ -18,9 +18,20 @@ pub struct Content {
     pub hash: [u8; 32],
 }
 
+#[cfg(test)]
+thread_local!(static HASHES: std::cell::Cell<u64> = const { std::cell::Cell::new(0) });
+
+/// The number of volumes that this thread has hashed.
+#[cfg(test)]
+pub(crate) fn hashes_made() -> u64 {
+    HASHES.with(std::cell::Cell::get)
+}
+
 impl Content {
     /// The identity of `volume`; reads every voxel once.
     pub fn of(volume: &Volume) -> Self {
+        #[cfg(test)]
+        HASHES.with(|hashes| hashes.set(hashes.get() + 1));
         Self {
             shape: volume.shape().map(|side| side as u64),
             channels: volume.channels() as u8,

@@ -25,8 +25,15 @@ impl CompressedVoxels {
     /// # Errors
     /// [`StoreError::Engine`] where zstd fails (out of memory).
     pub fn new(volume: &Volume) -> Result<Self, StoreError> {
+        Self::with_content(volume, Content::of(volume))
+    }
+
+    /// Compresses `volume`, whose identity is known to be `content`.
+    ///
+    /// # Errors
+    /// As [`CompressedVoxels::new`].
+    pub(crate) fn with_content(volume: &Volume, content: Content) -> Result<Self, StoreError> {
         let failed = |error| StoreError::Engine { doing: "compressing voxels", source: Box::new(error) };
-        let content = Content::of(volume);
         let plain = zstd::bulk::compress(volume.voxels(), LEVEL).map_err(failed)?;
         let mut voxels = volume.voxels().to_vec();
         for stride in strides(&content) {

@@ -61,7 +61,7 @@ fn exported_textures_are_imported_unchanged() {
     let database = Database::open(&path).unwrap();
     let colours = Volume::new([5, 6, 7], 3, (0..5 * 6 * 7 * 3).map(|i| (i * 7 % 251) as u8).collect()).unwrap();
     database.add(&colours, Meta::named("colours").tag("a,b", "c\n\u{e9}")).unwrap();
-    let bare = database.prepare(&volume(50, 12), Meta::named("no voxels"), hlacdb::store::Volumes::None).unwrap();
+    let bare = database.prepare(volume(50, 12), Meta::named("no voxels"), hlacdb::store::Volumes::None).unwrap();
     database.commit(vec![bare]).unwrap();
     #[cfg(unix)]
     {

@@ -168,7 +168,7 @@ impl Act {
         match self {
             Self::Create | Self::Migrate => {}
             Self::Ingest => {
-                let prepare = |n: u64| database.prepare(&volume(n, 9), Meta::named(n.to_string()), Default::default());
+                let prepare = |n: u64| database.prepare(volume(n, 9), Meta::named(n.to_string()), Default::default());
                 let prepared = (10..14).map(prepare).collect::<Result<Vec<_>, _>>()?;
                 database.commit(prepared)?;
             }
