@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::database::Database;
-use crate::error::Error;
+use crate::error::{Error, QueryError};
 use crate::progress::Progress;
 use crate::space::Metric;
 
@@ -69,9 +69,9 @@ pub struct Evaluation {
 /// Evaluates `spaces` by the tag `label`.
 ///
 /// # Errors
-/// [`Error::NoLabel`] where fewer than two textures carry the tag; [`Error::OneLabel`] where all that carry it have the
-/// same value, so that every hit would be a right one; [`Error::NoPair`] where no two have the same, so that no hit could
-/// be; [`Error::ZeroK`], [`Error::NoSuchSpace`], [`Error::Cancelled`], and whatever reading the store gives.
+/// [`QueryError::TooFewLabels`] where fewer than two textures carry the tag; [`QueryError::SingleLabel`] where all of them
+/// have the same value, so that every hit would be correct; [`QueryError::UniqueLabels`] where no two have the same value,
+/// so that no hit could be; [`QueryError::ZeroK`], [`QueryError::NoSuchSpace`]; [`Error::Cancelled`], [`Error::Store`].
 pub fn evaluate(
     database: &Database,
     label: &str,
@@ -80,11 +80,11 @@ pub fn evaluate(
     progress: &dyn Progress,
 ) -> Result<Evaluation, Error> {
     if k == 0 {
-        return Err(Error::ZeroK);
+        return Err(QueryError::ZeroK.into());
     }
     let labels: BTreeMap<u64, String> = database.labels(label)?;
     if labels.len() < 2 {
-        return Err(Error::NoLabel { key: label.to_owned() });
+        return Err(QueryError::TooFewLabels { key: label.to_owned() }.into());
     }
     check_classes(label, &labels)?;
     progress.begin("evaluating", Some((spaces.len() * labels.len()) as u64));
@@ -93,16 +93,16 @@ pub fn evaluate(
 }
 
 /// Refuses labels by which nothing can be found wrong, or nothing right.
-fn check_classes(key: &str, labels: &BTreeMap<u64, String>) -> Result<(), Error> {
+fn check_classes(key: &str, labels: &BTreeMap<u64, String>) -> Result<(), QueryError> {
     let mut sizes: BTreeMap<&String, usize> = BTreeMap::new();
     for label in labels.values() {
         *sizes.entry(label).or_default() += 1;
     }
     if let (Some((value, &textures)), 1) = (sizes.first_key_value(), sizes.len()) {
-        return Err(Error::OneLabel { key: key.to_owned(), value: (*value).clone(), textures });
+        return Err(QueryError::SingleLabel { key: key.to_owned(), value: (*value).clone(), textures });
     }
     if sizes.values().all(|&size| size == 1) {
-        return Err(Error::NoPair { key: key.to_owned(), textures: labels.len() });
+        return Err(QueryError::UniqueLabels { key: key.to_owned(), textures: labels.len() });
     }
     Ok(())
 }
@@ -275,8 +275,8 @@ mod tests {
     fn labels_that_measure_nothing_are_refused() {
         let labels = |values: &[&str]| (1..).zip(values).map(|(id, value)| (id, (*value).to_owned())).collect();
         let check = |values: &[&str]| check_classes("kind", &labels(values));
-        assert!(matches!(check(&["a", "a"]), Err(Error::OneLabel { textures: 2, .. })));
-        assert!(matches!(check(&["a", "b", "c"]), Err(Error::NoPair { textures: 3, .. })));
+        assert!(matches!(check(&["a", "a"]), Err(QueryError::SingleLabel { textures: 2, .. })));
+        assert!(matches!(check(&["a", "b", "c"]), Err(QueryError::UniqueLabels { textures: 3, .. })));
         assert!(check(&["a", "b", "a"]).is_ok());
     }
 

@@ -66,7 +66,8 @@ pub use database::{
     VerifyReport, arrays,
 };
 pub use describe::{describe, octant_sums};
-pub use error::{Error, chain};
+pub use error::{Error, ExampleKind, ExchangeError, Hint, IngestError, MaintenanceError, QueryError, chain};
 pub use hlac;
 pub use hlacdb_volume as volume;
 pub use progress::Progress;
+pub use store::{OpenError, StoreError};

@@ -29,7 +29,7 @@ pub(crate) struct Migrate {
 impl Migrate {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         if !context.store.exists() {
-            return Err(hlacdb::Error::NoStore { path: context.store.clone() }.into());
+            return Err(hlacdb::Error::from(hlacdb::OpenError::NoStore { path: context.store.clone() }).into());
         }
         // A store that is current is not copied: the backup is named only once it is known that hops will be run.
         let plan = migrate(&context.store, &MigrateOptions { check_only: true, backup: None })?;

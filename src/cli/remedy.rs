@@ -2,16 +2,17 @@
 
 use std::error::Error;
 
-use hlacdb::volume::{Hint, ReadError, VolumeError};
+use hlacdb::Hint;
+use hlacdb::volume::{Hint as ReadHint, ReadError, VolumeError};
 
 /// What would help against an error, if the library has a hint.
 pub(crate) fn remedy(error: &(dyn Error + 'static)) -> Option<String> {
     let hint = if let Some(error) = error.downcast_ref::<hlacdb::Error>() {
         error.hint()
     } else if let Some(error) = error.downcast_ref::<ReadError>() {
-        error.hint()
+        error.hint().map(Hint::Read)
     } else {
-        error.downcast_ref::<VolumeError>().and_then(VolumeError::hint)
+        error.downcast_ref::<VolumeError>().and_then(VolumeError::hint).map(Hint::Read)
     };
     hint.map(words)
 }
@@ -25,20 +26,50 @@ pub(crate) fn with_remedy(error: &(dyn Error + 'static)) -> String {
     }
 }
 
-/// A hint with the flags of the program.
+/// A hint in the words of the program: its commands and flags.
 fn words(hint: Hint) -> String {
+    let words = match hint {
+        Hint::CreateStore => "create one with `hlacdb ingest`, or name another with --store",
+        Hint::MigrateStore => "run `hlacdb migrate` once",
+        Hint::WaitForWriter => {
+            "wait for that process or end it (`hlacdb serve` writes until it ends, unless started with --read-only); reading \
+             (query, list, stats, ...) works in the meantime"
+        }
+        Hint::RepairStore => "run `hlacdb repair`, or restore a backup",
+        Hint::ReopenStore => "run the command again",
+        Hint::ListTextures => "`hlacdb list` shows the ids",
+        Hint::ChooseSpace => "choose another space with --space",
+        Hint::RenameSpace => {
+            "choose another name, or remove that space with `hlacdb space remove`, unless it is built in"
+        }
+        Hint::TagTextures => "tag textures with `hlacdb tag ID KEY=VALUE`, or name another tag with --label",
+        Hint::ChooseLabel => "name another tag with --label, or add textures with other values",
+        Hint::SmallerBlock => "use a smaller --block",
+        Hint::Reindex => "run `hlacdb reindex`",
+        Hint::UseArchive => "name a folder or tar file that `hlacdb export --textures` wrote",
+        Hint::KeepVoxels => "ingest with --volumes keep",
+        Hint::Read(hint) => return read_words(hint),
+        other => return other.to_string(),
+    };
+    words.to_owned()
+}
+
+/// What to do about a file that could not be read.
+fn read_words(hint: ReadHint) -> String {
     match hint {
-        Hint::RaiseVoxelLimit => "raise --max-voxels if the file is right".into(),
-        Hint::RaiseInflatedLimit => "raise --max-inflated if the file is right".into(),
-        Hint::GiveRawLayout => "for samples without a header give --raw-shape and --raw-type".into(),
-        Hint::CheckRawLayout => "check --raw-shape, --raw-type and --raw-offset".into(),
-        Hint::EnableFeature(feature) => format!("build the program with `--features {feature}`"),
+        ReadHint::RaiseVoxelLimit => "raise --max-voxels if the file is right".into(),
+        ReadHint::RaiseInflatedLimit => "raise --max-inflated if the file is right".into(),
+        ReadHint::GiveRawLayout => "for samples without a header give --raw-shape and --raw-type".into(),
+        ReadHint::CheckRawLayout => "check --raw-shape, --raw-type and --raw-offset".into(),
+        ReadHint::EnableFeature(feature) => format!("build the program with `--features {feature}`"),
         other => other.to_string(),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use hlacdb::StoreError;
+
     use super::*;
 
     #[test]
@@ -49,7 +80,9 @@ mod tests {
         let expected =
             "a.npy: the header promises 9 voxels, more than the limit of 8 (raise --max-voxels if the file is right)";
         assert_eq!(with_remedy(&error), expected);
-        assert_eq!(with_remedy(&hlacdb::Error::Read(error)), expected);
+        assert_eq!(with_remedy(&hlacdb::Error::from(error)), expected);
+        let missing = hlacdb::Error::from(StoreError::NoSuchTexture { id: 7 });
+        assert_eq!(with_remedy(&missing), "there is no texture with id 7 (`hlacdb list` shows the ids)");
         assert_eq!(remedy(&VolumeError::NotAFile), None);
     }
 }

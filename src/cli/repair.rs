@@ -33,9 +33,6 @@ pub(crate) struct Repair {
 
 impl Repair {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
-        if !context.store.exists() {
-            return Err(hlacdb::Error::NoStore { path: context.store.clone() }.into());
-        }
         let bars = Bars::until(context, context.interruptible()?);
         let options = Options { deep: self.deep, check_only: self.check };
         let report = Database::repair(&context.store, &options, &bars)?;

@@ -47,7 +47,7 @@ impl Database {
     /// Opens the store at `path` for reading and writing, and makes it where there is none. [`OpenOptions`] has more.
     ///
     /// # Errors
-    /// [`Error::Store`]: the file is not a store, is newer or older than this version, or is held by another writer.
+    /// [`Error::Open`]: the file is not a store, has a newer or older format, or is open for writing elsewhere.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         super::OpenOptions::new().open(path)
     }

@@ -8,7 +8,7 @@ use super::handle::Database;
 use super::points::statistics_cache::StatisticsCache;
 use crate::error::Error;
 use crate::hlac::View;
-use crate::store::{Options, Settings, Store, ViewCode, Volumes};
+use crate::store::{OpenError, Options, Settings, Store, ViewCode, Volumes};
 
 /// How a database is opened, and what a new store is made for.
 ///
@@ -86,9 +86,8 @@ impl OpenOptions {
     /// Opens the store at `path`.
     ///
     /// # Errors
-    /// [`Error::NoStore`] where there is none and none is to be made; [`Error::Store`] where the file is not a store, is
-    /// newer or older than this version, is held by another writer, or (read-only) must be repaired first
-    /// ([`Error::needs_repair`]).
+    /// [`Error::Open`]: there is no store and none is to be created; the file is not a store, or has a newer or older
+    /// format; another writer has it open; or (read-only) it must be recovered first ([`Error::needs_repair`]).
     pub fn open(&self, path: impl AsRef<Path>) -> Result<Database, Error> {
         let path = path.as_ref();
         let options = self.store_options();
@@ -97,7 +96,7 @@ impl OpenOptions {
             (true, true, _) => options.open_read_only(path)?,
             (true, false, _) => options.open(path)?,
             (false, false, true) => options.create(path, &self.settings())?,
-            (false, ..) => return Err(Error::NoStore { path: path.to_path_buf() }),
+            (false, ..) => return Err(OpenError::NoStore { path: path.to_path_buf() }.into()),
         };
         Ok(Self::database(path, store))
     }

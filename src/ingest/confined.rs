@@ -4,7 +4,7 @@ use std::path::{Component, Path, PathBuf};
 
 use walkdir::WalkDir;
 
-use crate::error::Error;
+use crate::error::{Error, IngestError};
 
 /// The path below `root` (a path with all links resolved) that a stranger names, all links resolved.
 ///
@@ -22,15 +22,15 @@ use crate::error::Error;
 /// ```
 ///
 /// # Errors
-/// [`Error::Outside`], [`Error::NotThere`].
+/// [`IngestError::OutsideFolder`], [`IngestError::NotFound`].
 pub fn confined(root: &Path, named: &str) -> Result<PathBuf, Error> {
-    let outside = |path: &Path| Error::Outside { path: path.to_owned() };
+    let outside = |path: &Path| Error::from(IngestError::OutsideFolder { path: path.to_owned() });
     let below = Path::new(named);
     let plain = |part| matches!(part, Component::Normal(_) | Component::CurDir);
     if !below.components().all(plain) || named.contains('\0') {
         return Err(outside(below));
     }
-    let missing = |source| Error::NotThere { path: below.to_owned(), source };
+    let missing = |source| IngestError::NotFound { path: below.to_owned(), source };
     let path = root.join(below).canonicalize().map_err(missing)?;
     if !path.starts_with(root) {
         return Err(outside(below));
@@ -90,12 +90,15 @@ mod tests {
             "a\0b",
         ] {
             let error = confined(&root, trick).unwrap_err();
-            assert!(matches!(error, Error::Outside { .. }), "{trick:?}: {error}");
+            assert!(matches!(error, Error::Ingest(IngestError::OutsideFolder { .. })), "{trick:?}: {error}");
             assert!(!crate::chain(&error).contains("secret/a"), "{error}");
         }
-        assert!(matches!(confined(&root, "none"), Err(Error::NotThere { .. })));
+        assert!(matches!(confined(&root, "none"), Err(Error::Ingest(IngestError::NotFound { .. }))));
         fs::remove_file(root.join("good/loop")).unwrap();
         assert!(confined(&root, "good").is_ok());
-        assert!(matches!(confined(&root, ""), Err(Error::Outside { .. })), "the root holds what leads out");
+        assert!(
+            matches!(confined(&root, ""), Err(Error::Ingest(IngestError::OutsideFolder { .. }))),
+            "the root holds what leads out"
+        );
     }
 }

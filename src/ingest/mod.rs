@@ -19,7 +19,7 @@ use serde::Serialize;
 pub use confined::confined;
 
 use crate::database::{Added, BlockOf, Database, Meta, Prepared};
-use crate::error::{Error, chain};
+use crate::error::{Error, IngestError, chain};
 use crate::progress::Progress;
 use crate::store::Volumes;
 use crate::synth::{Recipe, Specimen};
@@ -289,20 +289,18 @@ fn cut(
     };
     let origins: Vec<_> = volume.block_origins(side).collect();
     let count = origins.len();
+    let too_large = || {
+        let (path, shape) = (options.shown(&path), volume.shape());
+        Error::from(IngestError::BlockTooLarge { path, shape, side })
+    };
     if count == 0 {
-        return batch
-            .push(fail(&path, Error::BlockTooLarge { path: options.shown(&path), shape: volume.shape(), side }));
+        return batch.push(fail(&path, too_large()));
     }
     let whole: usize = volume.shape().iter().product();
     batch.report.left_over += (whole - count * side.pow(3)) as u64;
     let database = batch.database;
     let describe = |(number, origin): (usize, volume::Shape)| {
-        let block = volume.block(origin, [side; 3]).ok_or(Error::BlockTooLarge {
-            path: options.shown(&path),
-            shape: volume.shape(),
-            side,
-        });
-        let prepared = block.and_then(|block| {
+        let prepared = volume.block(origin, [side; 3]).ok_or_else(too_large).and_then(|block| {
             let [z, y, x] = origin;
             let mut meta = meta(&path, options).source(source).block(BlockOf { origin, shape: volume.shape() });
             meta.name = format!("{}[{z},{y},{x}]", meta.name);

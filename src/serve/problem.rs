@@ -4,9 +4,8 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
-use crate::Error;
-use crate::store::StoreError;
-use crate::volume::Hint;
+use crate::volume::Hint as ReadHint;
+use crate::{Error, Hint, IngestError, OpenError, QueryError, StoreError};
 
 /// What went wrong, as `application/problem+json`.
 #[derive(Clone, Debug, Serialize, utoipa::ToSchema)]
@@ -118,37 +117,48 @@ pub(crate) fn with_remedy(error: &Error) -> String {
 /// What would help against an error, in the words of the server.
 fn remedy(error: &Error) -> Option<String> {
     Some(match error.hint()? {
-        Hint::RaiseVoxelLimit | Hint::RaiseInflatedLimit => "the limit is set where the server is started".into(),
-        Hint::GiveRawLayout | Hint::CheckRawLayout => "samples without a header are read by the program only".into(),
-        Hint::EnableFeature(_) => "this server was built without that format".into(),
+        Hint::Read(ReadHint::RaiseVoxelLimit | ReadHint::RaiseInflatedLimit) => {
+            "the limit is set where the server is started".into()
+        }
+        Hint::Read(ReadHint::GiveRawLayout | ReadHint::CheckRawLayout) => {
+            "samples without a header are read by the program only".into()
+        }
+        Hint::Read(ReadHint::EnableFeature(_)) => "this server was built without that format".into(),
+        Hint::OpenForWriting => "the server was started for reading only".into(),
         other => other.to_string(),
     })
 }
 
-/// Whose fault it is: the caller's words (422), something that is not there (404), the state of things, or the server.
+/// The status for an error: 422 for what the caller gave, 404 for what is not there, 403 for what is not allowed, 409 and
+/// 503 for the state of the store, and 500 for the rest. No wildcard, so that a new error is given a status here.
 fn status_of(error: &Error) -> StatusCode {
     match error {
-        Error::Read(_)
-        | Error::Volume(_)
-        | Error::BlockTooLarge { .. }
-        | Error::ArrayShape { .. }
-        | Error::ZeroK
-        | Error::BadDistance { .. }
-        | Error::NoSuchSpace { .. }
-        | Error::MissingViews { .. }
-        | Error::Index(_)
-        | Error::Recipe(_) => StatusCode::UNPROCESSABLE_ENTITY,
-        Error::NoLabel { .. } | Error::NotThere { .. } => StatusCode::NOT_FOUND,
-        Error::Outside { .. } => StatusCode::FORBIDDEN,
-        Error::Store(error) => match error {
-            StoreError::NoSuchTexture { .. } => StatusCode::NOT_FOUND,
-            StoreError::ReadOnly => StatusCode::FORBIDDEN,
-            StoreError::Invalid { .. } => StatusCode::UNPROCESSABLE_ENTITY,
-            StoreError::Duplicate { .. } => StatusCode::CONFLICT,
-            StoreError::Busy { .. } | StoreError::HeldByWriter { .. } => StatusCode::SERVICE_UNAVAILABLE,
-            _ => StatusCode::INTERNAL_SERVER_ERROR,
-        },
+        Error::Open(OpenError::HeldByWriter { .. }) => StatusCode::SERVICE_UNAVAILABLE,
+        Error::Query(QueryError::TooFewLabels { .. }) | Error::Ingest(IngestError::NotFound { .. }) => {
+            StatusCode::NOT_FOUND
+        }
+        Error::Ingest(IngestError::OutsideFolder { .. }) => StatusCode::FORBIDDEN,
+        Error::Query(_) | Error::Ingest(_) | Error::Exchange(_) => StatusCode::UNPROCESSABLE_ENTITY,
+        Error::Store(error) => of_store(error),
         Error::Cancelled => StatusCode::CONFLICT,
-        _ => StatusCode::INTERNAL_SERVER_ERROR,
+        Error::Open(_) | Error::Maintenance(_) | Error::Space(_) | Error::Io { .. } => {
+            StatusCode::INTERNAL_SERVER_ERROR
+        }
+    }
+}
+
+fn of_store(error: &StoreError) -> StatusCode {
+    match error {
+        StoreError::NoSuchTexture { .. } => StatusCode::NOT_FOUND,
+        StoreError::ReadOnly => StatusCode::FORBIDDEN,
+        StoreError::Invalid { .. } => StatusCode::UNPROCESSABLE_ENTITY,
+        StoreError::Duplicate { .. } => StatusCode::CONFLICT,
+        StoreError::Busy { .. } => StatusCode::SERVICE_UNAVAILABLE,
+        StoreError::Open(_)
+        | StoreError::Damage(_)
+        | StoreError::Broken
+        | StoreError::Poisoned
+        | StoreError::Cancelled { .. }
+        | StoreError::Engine { .. } => StatusCode::INTERNAL_SERVER_ERROR,
     }
 }

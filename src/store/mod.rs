@@ -30,6 +30,7 @@ mod format;
 #[cfg(feature = "fuzz")]
 #[doc(hidden)]
 pub mod fuzz;
+mod open_error;
 mod os;
 mod progress;
 mod upkeep;
@@ -43,11 +44,12 @@ pub use format::descriptors::{DESCRIPTOR_ROWS, DescriptorBlock, ViewCode};
 pub use format::header::{FORMAT_VERSION, Settings, Volumes};
 pub use format::keys::{MAX_NAME, MAX_TAG_VALUE};
 pub use format::points::{MAX_POINT_WIDTH, PointsLayout, point_rows_per_block};
-pub use format::record::{Content, Cut, Provenance, Record, RecordedMapping, StoredVoxels, VoxelFilter, path_bytes};
 #[cfg(test)]
 pub(crate) use format::record::hashes_made;
+pub use format::record::{Content, Cut, Provenance, Record, RecordedMapping, StoredVoxels, VoxelFilter, path_bytes};
 pub use format::rows::Rows;
 pub use format::voxels::CompressedVoxels;
+pub use open_error::OpenError;
 pub use os::panic_boundary::panic_is_contained;
 pub use progress::{Progress, Report, silent};
 pub use upkeep::compact::CompactReport;

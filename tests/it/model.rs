@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use hlacdb::index::Method;
 use hlacdb::volume::Volume;
-use hlacdb::{Added, Database, Error, Meta, Query, ReindexOptions};
+use hlacdb::{Added, Database, Error, Meta, Query, QueryError, ReindexOptions};
 use proptest::prelude::*;
 
 /// One step of a history. Numbers are reduced to what there is when the step is taken.
@@ -247,9 +247,12 @@ fn queries_beside_an_ingest_see_whole_states() {
 fn a_question_that_is_none_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let database = Database::open(folder.path().join("t")).unwrap();
-    assert!(matches!(database.query(&Query::texture(1).k(0)), Err(Error::ZeroK)));
-    assert!(matches!(database.query(&Query::texture(1).within(f64::NAN)), Err(Error::BadDistance { .. })));
-    assert!(matches!(database.query(&Query::texture(1).space("x")), Err(Error::NoSuchSpace { .. })));
+    assert!(matches!(database.query(&Query::texture(1).k(0)), Err(Error::Query(QueryError::ZeroK))));
+    assert!(matches!(
+        database.query(&Query::texture(1).within(f64::NAN)),
+        Err(Error::Query(QueryError::Distance { .. }))
+    ));
+    assert!(matches!(database.query(&Query::texture(1).space("x")), Err(Error::Query(QueryError::NoSuchSpace { .. }))));
     assert!(matches!(database.query(&Query::texture(1)), Err(Error::Store(_))));
     assert!(database.query(&Query::volume(&texture(1))).unwrap().hits.is_empty());
 }

@@ -4,7 +4,7 @@ use hlacdb::hlac::View;
 use hlacdb::space::{Definition, FeatureForm, FeatureSet, SpaceKind};
 use hlacdb::store::Volumes;
 use hlacdb::synth;
-use hlacdb::{Database, Error, Meta, OpenOptions, Query, ReindexOptions};
+use hlacdb::{Database, Error, MaintenanceError, Meta, OpenOptions, Query, QueryError, ReindexOptions};
 
 /// A store of a few families, described in all views; `kept` says whether voxels are kept.
 fn store(folder: &std::path::Path, name: &str, kept: Volumes) -> Database {
@@ -49,10 +49,16 @@ fn a_space_of_ones_own_answers_like_the_others_and_outlives_the_process() {
     assert!(database.verify(true, &()).unwrap().ok());
 
     database.remove_space("fine").unwrap();
-    assert!(matches!(database.query(&Query::texture(3).space("fine")), Err(Error::NoSuchSpace { .. })));
+    assert!(matches!(
+        database.query(&Query::texture(3).space("fine")),
+        Err(Error::Query(QueryError::NoSuchSpace { .. }))
+    ));
     assert!(database.verify(false, &()).unwrap().ok());
-    assert!(matches!(database.remove_space("fine"), Err(Error::NotOwnSpace { .. })));
-    assert!(matches!(database.remove_space("default"), Err(Error::NotOwnSpace { .. })));
+    assert!(matches!(database.remove_space("fine"), Err(Error::Maintenance(MaintenanceError::NotUserDefined { .. }))));
+    assert!(matches!(
+        database.remove_space("default"),
+        Err(Error::Maintenance(MaintenanceError::NotUserDefined { .. }))
+    ));
 }
 
 #[test]
@@ -64,14 +70,23 @@ fn spaces_that_cannot_be_are_refused() {
         definition.name = name.into();
         definition
     };
-    assert!(matches!(database.add_space(&named("default"), &()), Err(Error::SpaceExists { .. })));
+    assert!(matches!(
+        database.add_space(&named("default"), &()),
+        Err(Error::Maintenance(MaintenanceError::SpaceExists { .. }))
+    ));
     assert!(matches!(database.add_space(&named("a b"), &()), Err(Error::Space(_))));
     let refused = database.add_space(&named("fine"), &()).unwrap_err();
-    assert!(matches!(&refused, Error::MissingViews { needs, .. } if needs.len() == 1), "{refused}");
+    assert!(
+        matches!(&refused, Error::Maintenance(MaintenanceError::ViewsNotStored { needs, .. }) if needs.len() == 1),
+        "{refused}"
+    );
     let moments = FeatureSet::new(FeatureForm::Moments, &[View::Full]).unwrap();
     let histogram = Definition::new("hist", moments, SpaceKind::Intersection).unwrap();
     database.add_space(&histogram, &()).unwrap();
-    assert!(matches!(database.add_space(&histogram, &()), Err(Error::SpaceExists { .. })));
+    assert!(matches!(
+        database.add_space(&histogram, &()),
+        Err(Error::Maintenance(MaintenanceError::SpaceExists { .. }))
+    ));
     let names: Vec<String> = database.spaces().unwrap().into_iter().map(|space| space.name().to_owned()).collect();
     assert_eq!(names.last().map(String::as_str), Some("hist"));
 }
@@ -113,5 +128,8 @@ fn declared_nuisances_matter_less_afterwards() {
     assert_eq!(forgotten.axes(), hlacdb::space::Space::decode(&with_prior).unwrap().axes());
 
     let bare = store(folder.path(), "bare.hlacdb", Volumes::None);
-    assert!(matches!(bare.reindex(&learn(hlacdb::NuisanceUpdate::Estimate(noise)), &()), Err(Error::NoVoxels)));
+    assert!(matches!(
+        bare.reindex(&learn(hlacdb::NuisanceUpdate::Estimate(noise)), &()),
+        Err(Error::Maintenance(MaintenanceError::NoVoxels))
+    ));
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use hlacdb::hlac::{MASK_COUNT, View};
 use hlacdb::index::Method;
 use hlacdb::store::Volumes;
-use hlacdb::{Answer, Combine, Database, Error, OpenOptions, Query, arrays};
+use hlacdb::{Answer, Combine, Database, Error, ExchangeError, OpenOptions, Query, QueryError, arrays};
 use proptest::prelude::*;
 
 type Moments = [f32; MASK_COUNT];
@@ -178,10 +178,10 @@ fn views_side_by_side_are_imported_by_name() {
     assert_eq!(database.space_names().unwrap(), ["paper", "zscore", "default", "invariant"]);
     assert_eq!(database.query(&Query::texture(3).k(1)).unwrap().hits[0].id, 3);
     let one = database.import(&array, &[View::Full], None, &BTreeMap::new(), &());
-    assert!(matches!(one, Err(Error::MissingViews { .. })));
+    assert!(matches!(one, Err(Error::Exchange(ExchangeError::Views { .. }))));
     let other =
         open(&folder.path().join("other"), &[View::Full]).import(&array, &[View::Full], None, &BTreeMap::new(), &());
-    assert!(matches!(other, Err(Error::ArrayShape { .. })));
+    assert!(matches!(other, Err(Error::Exchange(ExchangeError::Array { .. }))));
 }
 
 #[test]
@@ -207,7 +207,7 @@ fn several_examples_mean_their_mean_or_any_of_them() {
     let both = database.query(&Query::texture(1).and_texture(2).k(100)).unwrap();
     let nine = both.hits.iter().find(|hit| hit.id == 9).unwrap();
     assert_eq!(nine.distance, metric.distance(&mean, &points[2].1));
-    assert!(matches!(database.query(&Query::textures(&[])), Err(Error::NoExample)));
+    assert!(matches!(database.query(&Query::textures(&[])), Err(Error::Query(QueryError::NoExample))));
 }
 
 #[test]
@@ -232,7 +232,7 @@ fn a_distance_alone_has_no_ceiling_and_a_slip_of_the_pen_is_told() {
     let pairs = database.near_pairs(None, Some(0.0)).unwrap();
     assert_eq!(pairs.len(), 2 * (20 * 19 / 2));
     assert_eq!((pairs[0].first, pairs[0].second, pairs[0].first_name.as_str()), (1, 3, "rows-000000"));
-    assert!(matches!(database.near_pairs(None, Some(f64::NAN)), Err(Error::BadDistance { .. })));
+    assert!(matches!(database.near_pairs(None, Some(f64::NAN)), Err(Error::Query(QueryError::Distance { .. }))));
 }
 
 #[test]
@@ -255,5 +255,5 @@ fn the_graph_is_everybodys_answer() {
         assert_eq!((hit.id as i64, hit.distance), (*id, *distance));
     }
     assert!(third[5].0 == -1 && third[5].1.is_nan());
-    assert!(matches!(database.export(&out, Some(0), &()), Err(Error::ZeroK)));
+    assert!(matches!(database.export(&out, Some(0), &()), Err(Error::Query(QueryError::ZeroK))));
 }

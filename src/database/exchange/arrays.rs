@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
-use crate::error::Error;
+use crate::error::{Error, ExchangeError};
 use crate::hlac::MASK_COUNT;
 use crate::volume::npy::{NpyElement, NpyReader, NpyWriter};
 use crate::volume::{ReadError, SampleType, Volume, VolumeError, formats};
@@ -12,7 +12,7 @@ use crate::volume::{ReadError, SampleType, Volume, VolumeError, formats};
 /// Writes a C-ordered array of `f32`, `f64` or another type of numbers.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::ArrayShape`] where the values do not fill the shape.
+/// [`Error::Io`]; [`ExchangeError::Array`] where the values do not fill the shape.
 pub fn write_npy<T: NpyElement>(path: &Path, shape: &[usize], values: &[T]) -> Result<(), Error> {
     let mut writer = NpyRows::create(path, shape)?;
     writer.push(values)?;
@@ -104,7 +104,7 @@ impl<T: NpyElement> NpyRows<T> {
     /// Appends values.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::ArrayShape`] where there are more than the shape holds.
+    /// [`Error::Io`]; [`ExchangeError::Array`] where there are more than the shape holds.
     pub fn push(&mut self, values: &[T]) -> Result<(), Error> {
         if values.len() as u64 > self.writer.missing() {
             return Err(self.wrong("longer"));
@@ -115,7 +115,7 @@ impl<T: NpyElement> NpyRows<T> {
     /// Ends the array.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::ArrayShape`] where values are missing.
+    /// [`Error::Io`]; [`ExchangeError::Array`] where values are missing.
     pub fn finish(self) -> Result<(), Error> {
         if self.writer.missing() > 0 {
             return Err(self.wrong("shorter"));
@@ -125,7 +125,8 @@ impl<T: NpyElement> NpyRows<T> {
 
     fn wrong(&self, found: &str) -> Error {
         let expected = "as many values as the shape holds".to_owned();
-        Error::ArrayShape { path: self.path.clone(), found: format!("{found} than its shape"), expected }
+        ExchangeError::Array { path: self.path.clone(), found: format!("an array {found} than its shape"), expected }
+            .into()
     }
 }
 
@@ -145,7 +146,7 @@ impl MomentRows {
     /// Opens an array of one view and reads its header.
     ///
     /// # Errors
-    /// [`Error::Read`] where the file is no array; [`Error::ArrayShape`] where it is one of another shape or type.
+    /// [`IngestError::Read`](crate::IngestError::Read) where the file is not an array; [`ExchangeError::Array`] where it has another shape or type.
     pub fn open(path: &Path) -> Result<Self, Error> {
         Self::open_views(path, 1)
     }
@@ -158,7 +159,7 @@ impl MomentRows {
         let reader = NpyReader::open(path).map_err(|error| not_an_array(path, error))?;
         let header = reader.header();
         let columns = (views * MASK_COUNT) as u64;
-        let wrong = |found: String| Error::ArrayShape {
+        let wrong = |found: String| ExchangeError::Array {
             path: path.to_owned(),
             found,
             expected: format!("an array of shape (N, {columns}) or ({columns},) in C order, of f32 or f64"),
@@ -166,15 +167,15 @@ impl MomentRows {
         let left = match *header.shape() {
             [found] if found == columns => 1,
             [rows, found] if found == columns => rows,
-            _ => return Err(wrong(format!("of shape {}", header.shape_text()))),
+            _ => return Err(wrong(format!("an array of shape {}", header.shape_text())).into()),
         };
         if header.is_fortran_order() && left > 1 {
-            return Err(wrong("in Fortran order".into()));
+            return Err(wrong("an array in Fortran order".into()).into());
         }
         let double = match reader.element_type() {
             Ok(SampleType::F32) => false,
             Ok(SampleType::F64) => true,
-            _ => return Err(wrong(format!("of type {}", header.type_text()))),
+            _ => return Err(wrong(format!("an array of type {}", header.type_text())).into()),
         };
         Ok(Self { path: path.to_owned(), left, reader, columns, double })
     }
@@ -197,11 +198,11 @@ impl MomentRows {
             self.reader.read::<f32>(self.columns)
         };
         let values = values.map_err(|error| match error {
-            VolumeError::Truncated { .. } => Error::ArrayShape {
+            VolumeError::Truncated { .. } => Error::from(ExchangeError::Array {
                 path: self.path.clone(),
-                found: format!("cut short, {} of its rows are not there", self.left + 1),
-                expected: "every row that its header promises (fetch or write the file again)".into(),
-            },
+                found: format!("an array without its last {} rows", self.left + 1),
+                expected: "every row that its header promises".into(),
+            }),
             error => not_an_array(&self.path, error),
         })?;
         Ok(values.as_chunks().0.to_vec())
@@ -210,7 +211,7 @@ impl MomentRows {
 
 fn not_an_array(path: &Path, error: VolumeError) -> Error {
     let error = ReadError::new(path, error);
-    Error::Read(match formats::find("npy") {
+    Error::from(match formats::find("npy") {
         Some(format) => error.with_format(format.info()),
         None => error,
     })

@@ -11,7 +11,7 @@ use crate::database::exchange::arrays::{MomentRows, NpyRows};
 use crate::database::handle::Database;
 use crate::database::points::stored::BlockMoments;
 use crate::database::scheme::{DEFAULT_SPACE, Scheme};
-use crate::error::Error;
+use crate::error::{Error, ExchangeError};
 use crate::hlac::{MASK_COUNT, View};
 use crate::progress::Progress;
 use crate::space::FeatureSet;
@@ -94,7 +94,7 @@ impl Database {
     /// The rows go in by transactions of 16384; where an error or cancelling stops it, what was committed stays.
     ///
     /// # Errors
-    /// [`Error::ArrayShape`], [`Error::Space`] for what is no moment, [`Error::MissingViews`] where the store keeps other
+    /// [`ExchangeError::Array`], [`Error::Space`] for what is no moment, [`ExchangeError::Views`] where the store keeps other
     /// views than those.
     pub fn import(
         &self,
@@ -106,8 +106,8 @@ impl Database {
     ) -> Result<ImportReport, Error> {
         let kept = Scheme::of(&self.store().read()?);
         if kept.views().len() != views.len() || !kept.views().iter().all(|view| views.contains(view)) {
-            let needs = kept.views().iter().map(|view| view.name().to_owned()).collect();
-            return Err(Error::MissingViews { space: "the store".into(), needs, what: display_path(moments) });
+            let (path, found, stored) = (moments.to_owned(), views.to_vec(), kept.views().to_vec());
+            return Err(ExchangeError::Views { path, found, stored }.into());
         }
         let mut rows = MomentRows::open_views(moments, views.len())?;
         let stem = moments.file_stem().map_or_else(String::new, |stem| display_path(Path::new(stem)));
@@ -171,11 +171,12 @@ impl Names {
             Some((path, lines)) => match lines.next() {
                 Some(Ok(line)) => Ok(line.trim_end().to_owned()),
                 Some(Err(source)) => Err(Error::file("reading", path, source)),
-                None => Err(Error::ArrayShape {
+                None => Err(ExchangeError::Array {
                     path: path.clone(),
                     found: format!("a list of {} names", self.row - 1),
                     expected: "one name for each row of moments".into(),
-                }),
+                }
+                .into()),
             },
         }
     }

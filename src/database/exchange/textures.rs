@@ -19,7 +19,7 @@ use crate::database::points::descriptors::descriptor;
 use crate::database::scheme::Scheme;
 use crate::database::write::Added;
 use crate::database::write::prepare::PreparedTexture;
-use crate::error::Error;
+use crate::error::{Error, ExchangeError};
 use crate::hlac::{MASK_COUNT, Sums};
 use crate::progress::Progress;
 use crate::space::Descriptor;
@@ -193,7 +193,7 @@ impl Database {
     /// and a second run adds the rest.
     ///
     /// # Errors
-    /// [`Error::Exchange`] where the list or an array is not what it should be; [`Error::Io`], [`Error::Store`].
+    /// [`ExchangeError::Archive`] where the list or an array is not what it should be; [`Error::Io`], [`Error::Store`].
     pub fn import_textures(&self, source: &Path, progress: &dyn Progress) -> Result<TexturesImportReport, Error> {
         let mut import = Import {
             database: self,
@@ -352,7 +352,7 @@ enum Incoming {
 
 impl Import<'_> {
     fn wrong(&self, what: impl Into<String>) -> Error {
-        Error::Exchange { path: self.path.to_owned(), what: what.into() }
+        ExchangeError::Archive { path: self.path.to_owned(), what: what.into() }.into()
     }
 
     fn heading(&self, list: &mut impl BufRead) -> Result<(), Error> {
@@ -360,7 +360,7 @@ impl Import<'_> {
         if heading.format != FORMAT || heading.version > VERSION {
             let (found, version) = (heading.format.escape_debug().to_string(), heading.version);
             return Err(self.wrong(format!(
-                "{LIST} is of format '{found}' version {version}, but this hlacdb reads '{FORMAT}' up to version {VERSION}"
+                "{LIST} has format '{found}' version {version}, but this version of hlacdb reads '{FORMAT}' up to version {VERSION}"
             )));
         }
         Ok(())

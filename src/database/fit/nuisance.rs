@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use crate::database::scheme::Scheme;
-use crate::error::Error;
+use crate::error::{Error, MaintenanceError};
 use crate::progress::Progress;
 use crate::space::{Contribution, FeatureSet, NuisanceStatistics, SpaceKind};
 use crate::store::{Reads, Transaction};
@@ -54,7 +54,7 @@ pub(crate) fn forget(transaction: &mut Transaction) -> Result<(), Error> {
 /// the bit.
 ///
 /// # Errors
-/// [`Error::NoVoxels`] where no voxels are kept; [`Error::Cancelled`]; [`Error::Store`].
+/// [`MaintenanceError::NoVoxels`] where no voxels are kept; [`Error::Cancelled`]; [`Error::Store`].
 pub(crate) fn estimate(
     transaction: &mut Transaction,
     nuisance: &Nuisance,
@@ -67,7 +67,7 @@ pub(crate) fn estimate(
     let mut scatters: Vec<NuisanceStatistics> = recipes.iter().map(NuisanceStatistics::new).collect();
     let ids = sample(transaction)?;
     if ids.is_empty() {
-        return Err(Error::NoVoxels);
+        return Err(MaintenanceError::NoVoxels.into());
     }
     let copies = (MOST_TEXTURES / ids.len()).clamp(1, MOST_COPIES) as u64;
     progress.begin("nuisances", Some(ids.len() as u64));

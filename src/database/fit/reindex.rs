@@ -55,7 +55,7 @@ impl Database {
     /// and spaces and points are written whether or not the old ones can be read.
     ///
     /// # Errors
-    /// [`Error::Cancelled`], after which nothing has changed; [`Error::NoVoxels`] where nuisances are declared and no
+    /// [`Error::Cancelled`], after which nothing has changed; [`MaintenanceError::NoVoxels`](crate::MaintenanceError::NoVoxels) where nuisances are declared and no
     /// voxels are kept; [`Error::Store`].
     pub fn reindex(&self, options: &ReindexOptions, progress: &dyn Progress) -> Result<ReindexReport, Error> {
         self.change_mending(|transaction, statistics_cache, whole| {

@@ -7,7 +7,8 @@ use crate::database::handle::Database;
 use crate::database::points::spaces::{last_fit, load};
 use crate::database::points::statistics_cache::StatisticsCache;
 use crate::database::scheme::{SETTING, Scheme, definitions, set_down};
-use crate::error::Error;
+use crate::error::{Error, MaintenanceError};
+use crate::hlac::View;
 use crate::progress::Progress;
 use crate::space::{Definition, Space};
 use crate::store::{Reads, Transaction};
@@ -17,7 +18,7 @@ impl Database {
     /// looked at once: octants are described from the voxels that are kept.
     ///
     /// # Errors
-    /// [`Error::SpaceExists`] for a name that is taken; [`Error::MissingViews`] for views that the store does not keep;
+    /// [`MaintenanceError::SpaceExists`] for a name that is taken; [`MaintenanceError::ViewsNotStored`] for views that the store does not keep;
     /// [`Error::Space`] for a definition that cannot be fitted; [`Error::Cancelled`], after which nothing has changed;
     /// [`Error::Store`].
     pub fn add_space(&self, definition: &Definition, progress: &dyn Progress) -> Result<Space, Error> {
@@ -39,13 +40,13 @@ impl Database {
     /// Removes a space of one's own.
     ///
     /// # Errors
-    /// [`Error::NotOwnSpace`] where it is built in or not there; [`Error::Store`].
+    /// [`MaintenanceError::NotUserDefined`] where it is built in or not there; [`Error::Store`].
     pub fn remove_space(&self, name: &str) -> Result<(), Error> {
         self.change(|transaction, statistics_cache| {
             let mut settings = transaction.settings().clone();
             if settings.further.remove(&format!("{SETTING}{name}")).is_none() {
-                let own = definitions(&settings).into_iter().map(|definition| definition.name).collect();
-                return Err(Error::NotOwnSpace { name: name.to_owned(), own });
+                let user_defined = definitions(&settings).into_iter().map(|definition| definition.name).collect();
+                return Err(MaintenanceError::NotUserDefined { name: name.to_owned(), user_defined }.into());
             }
             transaction.put_settings(settings)?;
             transaction.drop_space(name)?;
@@ -65,15 +66,15 @@ fn check_room(transaction: &Transaction, definition: &Definition) -> Result<(), 
     let name = &definition.name;
     let taken = transaction.settings().further.contains_key(&format!("{SETTING}{name}"));
     if taken || Definition::built_in(name).is_some() {
-        return Err(Error::SpaceExists { name: name.clone() });
+        return Err(MaintenanceError::SpaceExists { name: name.clone() }.into());
     }
     let kept = Scheme::of(transaction);
-    let missing = definition.feature_set.views().iter().filter(|view| !kept.views().contains(view));
-    let needs: Vec<String> = missing.map(|view| view.name().to_owned()).collect();
+    let views = definition.feature_set.views().iter().copied();
+    let needs: Vec<View> = views.filter(|view| !kept.views().contains(view)).collect();
     if needs.is_empty() {
         return Ok(());
     }
-    Err(Error::MissingViews { space: name.clone(), needs, what: "the store".into() })
+    Err(MaintenanceError::ViewsNotStored { space: name.clone(), needs }.into())
 }
 
 fn fit_of_books(

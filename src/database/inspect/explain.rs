@@ -3,11 +3,10 @@
 use serde::Serialize;
 
 use crate::database::handle::Database;
-use crate::database::points::descriptors::known_descriptor;
+use crate::database::points::descriptors::{features, known_descriptor};
 use crate::database::scheme::{DEFAULT_SPACE, Scheme};
-use crate::error::Error;
-use crate::space::{Descriptor, Explanation, Features, Space};
-use crate::store::Reads;
+use crate::error::{Error, ExampleKind};
+use crate::space::{Descriptor, Explanation};
 use crate::volume::Volume;
 
 /// The distance between two textures, taken apart.
@@ -31,14 +30,15 @@ impl Database {
     /// one is named.
     ///
     /// # Errors
-    /// [`Error::NoSuchSpace`]; [`crate::store::StoreError::NoSuchTexture`], in [`Error::Store`];
-    /// [`Error::MissingViews`] where one of them has none of the views that the space looks at.
+    /// [`QueryError::NoSuchSpace`](crate::QueryError::NoSuchSpace); [`crate::store::StoreError::NoSuchTexture`], in [`Error::Store`];
+    /// [`QueryError::MissingViews`](crate::QueryError::MissingViews) where one of them has none of the views that the space looks at.
     pub fn explain(&self, a: u64, b: u64, space: Option<&str>) -> Result<PairExplanation, Error> {
         let snapshot = self.store().read()?;
         let name = space.unwrap_or(DEFAULT_SPACE);
         let state = self.state(&snapshot, name)?;
         let space = &state.space;
-        let explanation = space.explain(&features(&snapshot, space, a)?, &features(&snapshot, space, b)?)?;
+        let features_of = |id| features(space, &known_descriptor(&snapshot, id)?, ExampleKind::Texture(id));
+        let explanation = space.explain(&features_of(a)?, &features_of(b)?)?;
         Ok(PairExplanation { a, b, space: name.to_owned(), epoch: space.epoch(), explanation })
     }
 
@@ -53,20 +53,10 @@ impl Database {
     }
 }
 
-/// What the space looks at of a texture.
-fn features(state: &impl Reads, space: &Space, id: u64) -> Result<Features, Error> {
-    let descriptor = known_descriptor(state, id)?;
-    if !descriptor.overlaps(space.feature_set()) {
-        let needs = space.feature_set().views().iter().map(|view| view.name().to_owned()).collect();
-        return Err(Error::MissingViews { space: space.name().to_owned(), needs, what: format!("texture {id}") });
-    }
-    Ok(descriptor.features(space.feature_set()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Meta, Query};
+    use crate::{Meta, Query, QueryError};
 
     #[test]
     fn the_distance_explained_is_that_of_a_query() {
@@ -81,7 +71,7 @@ mod tests {
             let explained = database.explain(2, hits[1].id, Some(&space)).unwrap();
             assert!((explained.explanation.distance / hits[1].distance - 1.0).abs() < 1e-4, "{space}");
         }
-        assert!(matches!(database.explain(1, 2, Some("none")), Err(Error::NoSuchSpace { .. })));
+        assert!(matches!(database.explain(1, 2, Some("none")), Err(Error::Query(QueryError::NoSuchSpace { .. }))));
         let missing = database.explain(1, 99, None).unwrap_err();
         assert!(missing.to_string().contains("99"), "{missing}");
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::verify::{ProgressAdapter, cancelled};
+use super::verify::ProgressAdapter;
 use crate::database::handle::Database;
 use crate::database::open::OpenOptions;
 use crate::error::Error;
@@ -37,7 +37,7 @@ impl Database {
     pub fn backup(&self, path: &Path, progress: &dyn Progress) -> Result<BackupReport, Error> {
         let snapshot = self.store().read()?;
         let mut bridge = ProgressAdapter::new(progress);
-        let copied = snapshot.copy_to(path, &mut |step| bridge.tell(step)).map_err(cancelled)?;
+        let copied = snapshot.copy_to(path, &mut |step| bridge.tell(step))?;
         let copy = OpenOptions::new().read_only(true).open(path)?;
         let found = copy.verify(false, progress).and_then(|report| match report.damage.into_iter().next() {
             Some(damage) => Err(damage.into_error()),

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::verify::{DamageReport, ProgressAdapter, cancelled};
+use super::verify::{DamageReport, ProgressAdapter};
 use crate::database::fit::rebuild::{Rewrite, describe_anew, rebuild};
 use crate::database::fit::spaces::fit;
 use crate::database::handle::Database;
@@ -22,11 +22,11 @@ use crate::database::points::spaces::{keep_points, next_epoch};
 use crate::database::points::statistics_cache::StatisticsCache;
 use crate::database::quarantine::{self, Quarantined};
 use crate::database::scheme::{Scheme, set_down};
-use crate::error::Error;
+use crate::error::{Error, MaintenanceError};
 use crate::hlac::View;
 use crate::progress::Progress;
 use crate::space::{Definition, Space};
-use crate::store::{Options, Reads, Salvaged, SalvagedSettings, Settings, Store, StoreError, ViewCode};
+use crate::store::{OpenError, Options, Reads, Salvaged, SalvagedSettings, Settings, Store, StoreError, ViewCode};
 use crate::volume::display_path;
 
 /// How [`Database::repair`] goes about it.
@@ -58,7 +58,7 @@ impl Database {
     /// something lost) the store stays as it is. Takes as much room on the disk as the store has.
     ///
     /// # Errors
-    /// [`Error::BeyondRepair`] where not even the beginnings of the file can be read; [`Error::Store`] where another process
+    /// [`MaintenanceError::BeyondRepair`] where not even the beginnings of the file can be read; [`Error::Store`] where another process
     /// writes or there is no room; [`Error::Cancelled`]. The store is then as it was.
     pub fn repair(path: &Path, options: &RepairOptions, progress: &dyn Progress) -> Result<RepairReport, Error> {
         let (damage, known) = match examine(path, options.deep, progress) {
@@ -113,14 +113,18 @@ fn restore(path: &Path, passing: &Path, progress: &dyn Progress) -> Result<Resto
     {
         return Err(Error::file("removing", passing, source));
     }
-    let beyond = |source: StoreError| match source {
-        StoreError::Damage(_) | StoreError::DamagedFile { .. } | StoreError::Engine { .. } => {
-            Error::BeyondRepair { path: path.to_owned(), source }
+    let beyond = |source: StoreError| -> Error {
+        match source {
+            StoreError::Damage(_) | StoreError::Open(OpenError::DamagedFile { .. }) | StoreError::Engine { .. } => {
+                MaintenanceError::BeyondRepair { path: path.to_owned(), source }.into()
+            }
+            StoreError::Open(OpenError::Io { source: ref cause, .. })
+                if cause.kind() == std::io::ErrorKind::UnexpectedEof =>
+            {
+                MaintenanceError::BeyondRepair { path: path.to_owned(), source }.into()
+            }
+            other => other.into(),
         }
-        StoreError::Io { source: ref cause, .. } if cause.kind() == std::io::ErrorKind::UnexpectedEof => {
-            Error::BeyondRepair { path: path.to_owned(), source }
-        }
-        other => Error::Store(other),
     };
     let old = Options::default().open_damaged(path).map_err(beyond)?;
     let told = old.salvaged_settings()?;
@@ -128,7 +132,7 @@ fn restore(path: &Path, passing: &Path, progress: &dyn Progress) -> Result<Resto
     let salvaged = {
         let target = Store::create(passing, &settings)?;
         let mut bridge = ProgressAdapter::new(progress);
-        old.salvage(&target, &mut |step| bridge.tell(step)).map_err(cancelled)?
+        old.salvage(&target, &mut |step| bridge.tell(step))?
     };
     let database = OpenOptions::new().create(false).open(passing)?;
     let mut derived = salvaged.derived.clone();
@@ -222,7 +226,7 @@ fn take_place(path: &Path, passing: &Path) -> Result<PathBuf, Error> {
         number => beside(path, &format!(".damaged-{number}")),
     });
     let kept = kept.into_iter().find(|kept| kept.symlink_metadata().is_err());
-    let kept = kept.ok_or_else(|| StoreError::Exists { path: beside(path, ".damaged-999") })?;
+    let kept = kept.ok_or_else(|| StoreError::Open(OpenError::Exists { path: beside(path, ".damaged-999") }))?;
     let failed = |source| Error::file("renaming to the store's name", passing, source);
     // A second name first, then one step from old to new: at no moment is there no store.
     if std::fs::hard_link(path, &kept).is_err() {

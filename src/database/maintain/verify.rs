@@ -14,7 +14,7 @@ use crate::database::scheme::{DEFAULT_SPACE, Scheme};
 use crate::error::Error;
 use crate::hlac::View;
 use crate::progress::Progress;
-use crate::store::{self, Damage, Reads, Record, Snapshot, StoreError, ViewCode};
+use crate::store::{self, Damage, OpenError, Reads, Record, Snapshot, StoreError, ViewCode};
 use crate::volume::Volume;
 
 /// What [`Database::verify`] found.
@@ -57,7 +57,9 @@ impl DamageReport {
     /// Of a file that cannot be opened.
     pub(crate) fn of_file(error: &Error) -> Self {
         match error {
-            Error::Store(StoreError::Damage(damage) | StoreError::DamagedFile { damage, .. }) => damage.clone().into(),
+            Error::Store(StoreError::Damage(damage)) | Error::Open(OpenError::DamagedFile { damage, .. }) => {
+                damage.clone().into()
+            }
             other => damaged("(file)", "", crate::error::chain(other)),
         }
     }
@@ -96,7 +98,7 @@ impl Database {
         let mut bridge = ProgressAdapter::new(progress);
         let check = |snapshot: &Snapshot, record: &Record, volume: &Volume| describe_again(snapshot, record, volume);
         let report = snapshot.verify(if deep { Some(&check) } else { None }, &mut |step| bridge.tell(step));
-        let report = report.map_err(cancelled)?;
+        let report = report?;
         let mut checked = report.checked;
         let mut damage: Vec<DamageReport> = report.damage.into_iter().map(DamageReport::from).collect();
         if damage.is_empty() {
@@ -118,7 +120,7 @@ impl Database {
     pub fn compact(&self, progress: &dyn Progress) -> Result<CompactReport, Error> {
         let _books = held(self.statistics.lock());
         let mut bridge = ProgressAdapter::new(progress);
-        let report = self.store().compact(&mut |step| bridge.tell(step)).map_err(cancelled)?;
+        let report = self.store().compact(&mut |step| bridge.tell(step))?;
         Ok(CompactReport {
             rows_removed: report.rows_removed,
             bytes_before: report.bytes_before,
@@ -147,13 +149,6 @@ impl<'a> ProgressAdapter<'a> {
         self.progress.advance(step.done.saturating_sub(self.done));
         self.done = step.done;
         if self.progress.cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    }
-}
-
-pub(crate) fn cancelled(error: StoreError) -> Error {
-    match error {
-        StoreError::Cancelled { .. } => Error::Cancelled,
-        other => other.into(),
     }
 }
 
@@ -206,7 +201,7 @@ fn check_statistics(
         }
         let same = kept.count() == anew.count() && kept.mean() == anew.mean() && kept.covariance() == anew.covariance();
         if !same {
-            let what = "the statistics are not those of the descriptors: run `hlacdb reindex --reextract`";
+            let what = "the statistics are not those of the descriptors";
             damage.push(damaged("statistics", key, what));
         }
         *checked.entry("statistics recomputed").or_default() += 1;
@@ -244,15 +239,11 @@ fn check_points(
     for (kept, mapped) in kept.iter().zip(&mapped) {
         if kept != mapped {
             let id = rows.ids().get(kept.0).copied().unwrap_or_default();
-            damage.push(damaged(
-                "points",
-                format!("id {id}"),
-                "the point is not that of the descriptor: run `hlacdb reindex`",
-            ));
+            damage.push(damaged("points", format!("id {id}"), "the point is not that of the descriptor"));
         }
     }
     if kept.len() != mapped.len() {
-        let what = format!("there are {} points, expected {}: run `hlacdb reindex`", kept.len(), mapped.len());
+        let what = format!("there are {} points, expected {}", kept.len(), mapped.len());
         damage.push(damaged("points", DEFAULT_SPACE, what));
     }
     *checked.entry("points recomputed").or_default() += mapped.len() as u64;

@@ -1,8 +1,8 @@
 //! The descriptors of single textures.
 
 use crate::database::scheme::Scheme;
-use crate::error::Error;
-use crate::space::Descriptor;
+use crate::error::{Error, ExampleKind, QueryError};
+use crate::space::{Descriptor, Features, Space};
 use crate::store::{Reads, StoreError, ViewCode};
 
 /// The moments of a texture in every view that the store keeps and the texture has; empty for an unknown id.
@@ -26,4 +26,14 @@ pub(crate) fn known_descriptor(state: &impl Reads, id: u64) -> Result<Descriptor
 pub(crate) fn known(state: &impl Reads, id: u64) -> Result<(), Error> {
     state.record(id)?.ok_or(StoreError::NoSuchTexture { id })?;
     Ok(())
+}
+
+/// The features that a space uses, from the descriptor of an example.
+pub(crate) fn features(space: &Space, descriptor: &Descriptor, example: ExampleKind) -> Result<Features, Error> {
+    let feature_set = space.feature_set();
+    if !descriptor.overlaps(feature_set) {
+        let (space, needs) = (space.name().to_owned(), feature_set.views().to_vec());
+        return Err(QueryError::MissingViews { space, needs, example }.into());
+    }
+    Ok(descriptor.features(feature_set))
 }

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use super::statistics_cache;
 use crate::database::scheme::{DEFAULT_SPACE, Scheme};
-use crate::error::Error;
+use crate::error::{Error, QueryError, chain};
 use crate::space::{Prior, Space, Statistics};
 use crate::store::{Reads, StoreError, Transaction};
 
@@ -19,7 +19,7 @@ pub(crate) fn load(state: &impl Reads, name: &str) -> Result<Space, Error> {
             let statistics = statistics_cache::load(state, &definition.feature_set)?;
             Ok(Space::fit(definition, &statistics, None, prior())?)
         }
-        None => Err(Error::NoSuchSpace { name: name.to_owned(), known: scheme.names() }),
+        None => Err(QueryError::NoSuchSpace { name: name.to_owned(), spaces: scheme.names() }.into()),
     }
 }
 
@@ -27,7 +27,7 @@ pub(crate) fn load(state: &impl Reads, name: &str) -> Result<Space, Error> {
 pub(crate) fn load_or_prior(state: &impl Reads, name: &str) -> Result<Space, Error> {
     match load(state, name) {
         Err(error) if error.is_damage() => {
-            tracing::warn!("{}: `hlacdb reindex` fits spaces anew", crate::error::chain(&error));
+            tracing::warn!("{}: reindexing fits the spaces again", chain(&error));
             let scheme = Scheme::of(state);
             let definition = scheme.definitions().iter().find(|definition| definition.name == name).ok_or(error)?;
             Ok(Space::fit(definition, &Statistics::new(&definition.feature_set), None, prior())?)

@@ -157,7 +157,7 @@ pub(crate) fn load(state: &impl Reads, recipe: &FeatureSet) -> Result<Statistics
 pub(crate) fn load_whole(state: &impl Reads, recipe: &FeatureSet) -> Result<Statistics, Error> {
     match load(state, recipe) {
         Err(error) if error.is_damage() => {
-            tracing::warn!("{}: `hlacdb reindex` builds statistics anew", crate::error::chain(&error));
+            tracing::warn!("{}: reindexing rebuilds the statistics", crate::error::chain(&error));
             Ok(Statistics::new(recipe))
         }
         read => read,

@@ -10,10 +10,10 @@ use super::from_disk;
 use super::source::PointSource;
 use super::{Answer, Combine, Example, HITS, Hit, Query};
 use crate::database::handle::Database;
-use crate::database::points::descriptors::known_descriptor;
+use crate::database::points::descriptors::{features, known_descriptor};
 use crate::database::quarantine::left_out;
 use crate::database::scheme::DEFAULT_SPACE;
-use crate::error::Error;
+use crate::error::{Error, ExampleKind, QueryError};
 use crate::index::{IdFilter, KnnQuery, Neighbour};
 use crate::space::{Descriptor, Space};
 use crate::store::{Reads, Snapshot, StoreError};
@@ -25,8 +25,8 @@ impl Database {
     /// second on, the points are held in memory. The answers are the same to the bit.
     ///
     /// # Errors
-    /// [`Error::ZeroK`], [`Error::BadDistance`], [`Error::NoExample`], [`Error::NoSuchSpace`], [`Error::MissingViews`] where
-    /// an example has none of the views that the space looks at, and whatever reading the store gives. An empty store has no
+    /// [`Error::Query`]: `k` is 0, the distance is negative or NaN, there is no example or no such space, or an example has
+    /// none of the views that the space uses. [`Error::Store`] where the store cannot be read. An empty store has no
     /// hits: that is no error.
     pub fn query(&self, query: &Query<'_>) -> Result<Answer, Error> {
         match Execution::new(self, query, 1).and_then(|asked| asked.answer(query)) {
@@ -68,13 +68,13 @@ type Points = Vec<(Vec<f32>, Option<u64>)>;
 impl<'a> Execution<'a> {
     fn new(database: &'a Database, query: &Query<'_>, questions: u64) -> Result<Self, Error> {
         if query.k == Some(0) {
-            return Err(Error::ZeroK);
+            return Err(QueryError::ZeroK.into());
         }
         if let Some(found) = query.within.filter(|distance| distance.is_nan() || *distance < 0.0) {
-            return Err(Error::BadDistance { found });
+            return Err(QueryError::Distance { found }.into());
         }
         if query.examples.is_empty() {
-            return Err(Error::NoExample);
+            return Err(QueryError::NoExample.into());
         }
         let name = query.space.as_deref().unwrap_or(DEFAULT_SPACE).to_owned();
         loop {
@@ -222,25 +222,20 @@ impl<'a> Execution<'a> {
                     return Ok((point, Some(*id)));
                 }
                 let descriptor = known_descriptor(&self.snapshot, *id)?;
-                Ok((self.map(&descriptor, || format!("texture {id}"))?, Some(*id)))
+                Ok((self.map(&descriptor, ExampleKind::Texture(*id))?, Some(*id)))
             }
             Example::Volume(volume) => {
                 let described = crate::describe(volume, self.space().feature_set().views());
                 let descriptor = Descriptor::from_sums(&described)?;
                 let own = if query.exclude_self { self.snapshot.find(&volume.content_hash())? } else { None };
-                Ok((self.map(&descriptor, || "the volume".to_owned())?, own))
+                Ok((self.map(&descriptor, ExampleKind::Volume)?, own))
             }
-            Example::Descriptor(descriptor) => Ok((self.map(descriptor, || "the descriptor".to_owned())?, None)),
+            Example::Descriptor(descriptor) => Ok((self.map(descriptor, ExampleKind::Descriptor)?, None)),
         }
     }
 
-    fn map(&self, descriptor: &Descriptor, what: impl Fn() -> String) -> Result<Vec<f32>, Error> {
-        let space = self.space();
-        if !descriptor.overlaps(space.feature_set()) {
-            let needs = space.feature_set().views().iter().map(|view| view.name().to_owned()).collect();
-            return Err(Error::MissingViews { space: self.name.clone(), needs, what: what() });
-        }
-        Ok(space.point(&descriptor.features(space.feature_set()))?)
+    fn map(&self, descriptor: &Descriptor, example: ExampleKind) -> Result<Vec<f32>, Error> {
+        Ok(self.space().point(&features(self.space(), descriptor, example)?)?)
     }
 }
 

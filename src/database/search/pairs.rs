@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::database::exchange::arrays::NpyRows;
 use crate::database::handle::Database;
 use crate::database::scheme::DEFAULT_SPACE;
-use crate::error::Error;
+use crate::error::{Error, QueryError};
 use crate::index::{KnnQuery, Method};
 use crate::progress::Progress;
 use crate::store::Reads;
@@ -42,11 +42,11 @@ impl Database {
     /// falling likeness, ties by ids. Memory grows with the number of pairs.
     ///
     /// # Errors
-    /// [`Error::BadDistance`], [`Error::NoSuchSpace`], [`Error::Store`].
+    /// [`QueryError::Distance`], [`QueryError::NoSuchSpace`], [`Error::Store`].
     pub fn near_pairs(&self, space: Option<&str>, within: Option<f64>) -> Result<Vec<NearPair>, Error> {
         let radius = within.unwrap_or(DUPLICATE_DISTANCE);
         if radius.is_nan() || radius < 0.0 {
-            return Err(Error::BadDistance { found: radius });
+            return Err(QueryError::Distance { found: radius }.into());
         }
         let (snapshot, state) = self.treed(space.unwrap_or(DEFAULT_SPACE))?;
         let mut pairs = state.index.pairs_within(radius)?;
@@ -76,7 +76,7 @@ impl Database {
     /// they are (`f64`, NaN there). Rows are in id order, as in `textures.csv`.
     ///
     /// # Errors
-    /// [`Error::ZeroK`], [`Error::Io`], [`Error::Store`], [`Error::Cancelled`].
+    /// [`QueryError::ZeroK`], [`Error::Io`], [`Error::Store`], [`Error::Cancelled`].
     pub(crate) fn write_graph(
         &self,
         folder: &Path,
@@ -85,7 +85,7 @@ impl Database {
     ) -> Result<[&'static str; 2], Error> {
         const FILES: [&str; 2] = ["graph.npy", "graph_distances.npy"];
         if k == 0 {
-            return Err(Error::ZeroK);
+            return Err(QueryError::ZeroK.into());
         }
         let (snapshot, state) = self.treed(DEFAULT_SPACE)?;
         let rows = snapshot.rows()?;

@@ -24,6 +24,7 @@ use crate::store::format::header::{
     FORMAT_VERSION, Header, KEY_FORMAT, KEY_SETTINGS, KEY_STATE, KNOWN_FEATURES, State,
 };
 use crate::store::format::keys;
+use crate::store::open_error::OpenError;
 use crate::store::os::lock_owner;
 use crate::store::os::panic_boundary::guarded;
 
@@ -59,11 +60,11 @@ impl Options {
     pub fn create(&self, path: impl AsRef<Path>, settings: &Settings) -> Result<Store, StoreError> {
         let path = path.as_ref();
         if path.symlink_metadata().is_ok() {
-            return Err(StoreError::Exists { path: path.into() });
+            return Err(StoreError::Open(OpenError::Exists { path: path.into() }));
         }
         // The store grows under a passing name and gets its own when it is whole: nobody ever sees half of one.
         let passing = passing_name(path);
-        let io = |doing| move |source| StoreError::Io { doing, path: path.into(), source };
+        let io = |doing| move |source| StoreError::Open(OpenError::Io { doing, path: path.into(), source });
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(&passing).map_err(io("creating"))?;
         let made = FileBackend::new(file)
             .map_err(|error| self.refused(path, error))
@@ -71,9 +72,9 @@ impl Options {
             .and_then(|store| match give_name(&passing, path) {
                 Ok(()) => Ok(store),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-                    Err(StoreError::Exists { path: path.into() })
+                    Err(StoreError::Open(OpenError::Exists { path: path.into() }))
                 }
-                Err(source) => Err(StoreError::Io { doing: "creating", path: path.into(), source }),
+                Err(source) => Err(StoreError::Open(OpenError::Io { doing: "creating", path: path.into(), source })),
             });
         if made.is_err() {
             // The failure is what matters; a passing file that cannot be removed is harmless.
@@ -129,7 +130,9 @@ impl Options {
             })
         };
         match opened(true) {
-            Err(StoreError::Damage(_) | StoreError::Engine { .. } | StoreError::Io { .. }) => opened(false),
+            Err(StoreError::Damage(_) | StoreError::Engine { .. } | StoreError::Open(OpenError::Io { .. })) => {
+                opened(false)
+            }
             opened => opened,
         }
     }
@@ -181,15 +184,17 @@ impl Options {
         let path = path.to_path_buf();
         match error {
             redb::DatabaseError::DatabaseAlreadyOpen | redb::DatabaseError::LockProtocolMismatch => {
-                StoreError::HeldByWriter { holder: lock_owner::of(&path), path }
+                StoreError::Open(OpenError::HeldByWriter { holder: lock_owner::of(&path), path })
             }
-            redb::DatabaseError::RepairAborted => StoreError::NeedsRepair { path },
+            redb::DatabaseError::RepairAborted => StoreError::Open(OpenError::NeedsRepair { path }),
             redb::DatabaseError::UpgradeRequired(version) => {
-                StoreError::NotAStore { path, found: format!("a redb file of format {version}") }
+                StoreError::Open(OpenError::NotAStore { path, found: format!("a redb file of format {version}") })
             }
-            redb::DatabaseError::Storage(redb::StorageError::Unsupported) => StoreError::NoLocks { path },
+            redb::DatabaseError::Storage(redb::StorageError::Unsupported) => {
+                StoreError::Open(OpenError::NoLocks { path })
+            }
             redb::DatabaseError::Storage(redb::StorageError::Io(source)) => {
-                StoreError::Io { doing: "opening", path, source }
+                StoreError::Open(OpenError::Io { doing: "opening", path, source })
             }
             other => StoreError::engine("opening the store", other),
         }
@@ -230,7 +235,7 @@ impl Store {
     /// Creates a store where there is no file, and opens it for writing. The file appears whole or not at all.
     ///
     /// # Errors
-    /// [`StoreError::Exists`], [`StoreError::Io`], [`StoreError::NoLocks`].
+    /// [`OpenError::Exists`], [`OpenError::Io`], [`OpenError::NoLocks`].
     pub fn create(path: impl AsRef<Path>, settings: &Settings) -> Result<Self, StoreError> {
         Options::default().create(path, settings)
     }
@@ -238,9 +243,9 @@ impl Store {
     /// Opens a store for writing, and recovers it first where a crash left it. Creates nothing.
     ///
     /// # Errors
-    /// [`StoreError::Io`] where there is no file, [`StoreError::NotAStore`], [`StoreError::Newer`],
-    /// [`StoreError::UnknownFeatures`], [`StoreError::NeedsMigration`], [`StoreError::HeldByWriter`],
-    /// [`StoreError::NoLocks`], [`StoreError::Damage`].
+    /// [`OpenError::NoStore`], [`OpenError::NotAStore`], [`OpenError::Newer`],
+    /// [`OpenError::UnknownFeatures`], [`OpenError::NeedsMigration`], [`OpenError::HeldByWriter`],
+    /// [`OpenError::NoLocks`], [`StoreError::Damage`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self, StoreError> {
         Options::default().open(path)
     }
@@ -248,7 +253,7 @@ impl Store {
     /// Opens a store for reading beside any writer. Writes nothing.
     ///
     /// # Errors
-    /// As [`Store::open`], except that a writer is no hindrance; [`StoreError::NeedsRepair`] after a crash of the writer.
+    /// As [`Store::open`], except that a writer is no hindrance; [`OpenError::NeedsRepair`] after a crash of the writer.
     pub fn open_read_only(path: impl AsRef<Path>) -> Result<Self, StoreError> {
         Options::default().open_read_only(path)
     }
@@ -359,14 +364,18 @@ fn write_empty(database: &Database, settings: &Settings) -> Result<(), StoreErro
 
 /// Opens something; damage that is met so early is told of the whole file, by its name.
 fn whole(path: &Path, open: impl FnOnce() -> Result<Store, StoreError>) -> Result<Store, StoreError> {
-    let torn = |what: String| StoreError::DamagedFile {
-        path: path.into(),
-        damage: Damage { table: "(file)", key: String::new(), what },
+    let torn = |what: String| {
+        StoreError::Open(OpenError::DamagedFile {
+            path: path.into(),
+            damage: Damage { table: "(file)", key: String::new(), what },
+        })
     };
     guarded("(file)", open).map_err(|error| match error {
-        StoreError::Damage(damage) => StoreError::DamagedFile { path: path.into(), damage },
+        StoreError::Damage(damage) => StoreError::Open(OpenError::DamagedFile { path: path.into(), damage }),
         // The engine asks for bytes that are not there: the file is shorter than it says.
-        StoreError::Io { source, .. } if source.kind() == io::ErrorKind::UnexpectedEof => torn("it ends early".into()),
+        StoreError::Open(OpenError::Io { source, .. }) if source.kind() == io::ErrorKind::UnexpectedEof => {
+            torn("it ends early".into())
+        }
         StoreError::Engine { source, .. } => torn(source.to_string()),
         other => other,
     })
@@ -377,7 +386,9 @@ fn check_version(path: &Path, database: &impl ReadableDatabase, writing: bool) -
     let path = path.to_path_buf();
     let transaction = database.begin_read().map_err(StoreError::when("opening the store"))?;
     let source = Source::Read(&transaction);
-    let foreign = || StoreError::NotAStore { path: path.clone(), found: "a redb file of another program".into() };
+    let foreign = || {
+        StoreError::Open(OpenError::NotAStore { path: path.clone(), found: "a redb file of another program".into() })
+    };
     let meta = source.table(keys::META).map_err(|_| foreign())?;
     if meta.get(KEY_FORMAT)?.is_none() {
         return Err(foreign());
@@ -386,23 +397,30 @@ fn check_version(path: &Path, database: &impl ReadableDatabase, writing: bool) -
     let header = snapshot::read_header(source)?;
     let lowest = if writing { header.version } else { header.minimum_reader };
     if lowest > FORMAT_VERSION {
-        return Err(StoreError::Newer { path, found: header.version, supported: FORMAT_VERSION });
+        return Err(StoreError::Open(OpenError::Newer { path, found: header.version, supported: FORMAT_VERSION }));
     }
     if header.version < FORMAT_VERSION {
-        return Err(StoreError::NeedsMigration { path, found: header.version, current: FORMAT_VERSION });
+        return Err(StoreError::Open(OpenError::NeedsMigration {
+            path,
+            found: header.version,
+            current: FORMAT_VERSION,
+        }));
     }
     match header.features & !KNOWN_FEATURES {
         0 => Ok(()),
-        unknown => Err(StoreError::UnknownFeatures { path, unknown }),
+        unknown => Err(StoreError::Open(OpenError::UnknownFeatures { path, unknown })),
     }
 }
 
 /// The file at `path`, if it looks like one of the engine's; nothing is created.
 fn open_file(path: &Path, writing: bool) -> Result<File, StoreError> {
-    let io = |source| StoreError::Io { doing: "opening", path: path.into(), source };
-    let foreign = |found: String| StoreError::NotAStore { path: path.into(), found };
+    let io = |source| StoreError::Open(OpenError::Io { doing: "opening", path: path.into(), source });
+    let foreign = |found: String| StoreError::Open(OpenError::NotAStore { path: path.into(), found });
     // A FIFO would block the open below, so the kind is asked first.
-    let kind = fs::metadata(path).map_err(io)?;
+    let kind = fs::metadata(path).map_err(|source| match source.kind() {
+        io::ErrorKind::NotFound => StoreError::Open(OpenError::NoStore { path: path.into() }),
+        _ => io(source),
+    })?;
     if kind.is_dir() {
         return Err(foreign("it is a folder".into()));
     }

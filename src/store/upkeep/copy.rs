@@ -11,6 +11,7 @@ use crate::store::access::reads::sealed::Source as _;
 use crate::store::access::snapshot::Snapshot;
 use crate::store::error::StoreError;
 use crate::store::format::keys;
+use crate::store::open_error::OpenError;
 use crate::store::progress::{Report, silent, tell};
 
 const DOING: &str = "the copy";
@@ -31,18 +32,18 @@ impl Snapshot {
     /// ids, rows and revision are the same. A writer may go on meanwhile. The copy is verified before it gets its name.
     ///
     /// # Errors
-    /// [`StoreError::Exists`], [`StoreError::Io`], [`StoreError::Cancelled`]; [`StoreError::Damage`] where this state, and
+    /// [`OpenError::Exists`], [`OpenError::Io`], [`StoreError::Cancelled`]; [`StoreError::Damage`] where this state, and
     /// so the copy, is damaged: then there is no copy.
     pub fn copy_to(&self, path: impl AsRef<Path>, report: Report<'_>) -> Result<Copied, StoreError> {
         let path = path.as_ref();
         if path.symlink_metadata().is_ok() {
-            return Err(StoreError::Exists { path: path.into() });
+            return Err(StoreError::Open(OpenError::Exists { path: path.into() }));
         }
         let passing = passing_name(path);
         let made = self.copy_under(&passing, report).and_then(|entries| {
             give_name(&passing, path).map_err(|source| match source.kind() {
-                std::io::ErrorKind::AlreadyExists => StoreError::Exists { path: path.into() },
-                _ => StoreError::Io { doing: "creating", path: path.into(), source },
+                std::io::ErrorKind::AlreadyExists => StoreError::Open(OpenError::Exists { path: path.into() }),
+                _ => StoreError::Open(OpenError::Io { doing: "creating", path: path.into(), source }),
             })?;
             Ok(Copied { entries, bytes: fs::metadata(path).map_or(0, |file| file.len()) })
         });

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hlacdb::store::{Damage, NewTexture, Reads, Store, StoreError, ViewCode, silent};
+use hlacdb::store::{Damage, NewTexture, OpenError, Reads, Store, StoreError, ViewCode, silent};
 use redb::{ReadableTable, TableDefinition, WriteTransaction};
 
 use super::{Scratch, moments, texture};
@@ -156,7 +156,7 @@ fn a_damaged_head_is_told_on_opening() {
         edit(&scratch.path(), flip(META, nth, 77));
         let opened = Store::open(scratch.path()).and_then(|store| store.read().map(drop));
         match opened.unwrap_err() {
-            StoreError::Damage(damage) | StoreError::DamagedFile { damage, .. } => {
+            StoreError::Damage(damage) | StoreError::Open(OpenError::DamagedFile { damage, .. }) => {
                 assert_eq!((damage.table, damage.key.as_str()), ("meta", key));
             }
             other => panic!("{other}"),

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use hlacdb::volume::Volume;
-use hlacdb::{Database, Error, Meta, OpenOptions, Query};
+use hlacdb::{Database, Error, Meta, OpenError, OpenOptions, Query};
 
 use super::{edit, filled, flip, told, volume};
 
@@ -35,7 +35,7 @@ fn a_backup_beside_a_writer_is_one_consistent_state() {
     });
     let path = folder.path().join("last");
     database.backup(&path, &()).unwrap();
-    assert!(matches!(database.backup(&path, &()), Err(Error::Store(hlacdb::store::StoreError::Exists { .. }))));
+    assert!(matches!(database.backup(&path, &()), Err(Error::Open(OpenError::Exists { .. }))));
     let original = database.path().to_path_buf();
     drop(database);
     assert_eq!(told(&path), told(&original));

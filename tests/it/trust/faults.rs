@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use hlacdb::hlac::View;
 use hlacdb::store::{Reads, Store, silent};
-use hlacdb::{Database, Error, Meta, OpenOptions, Query, ReindexOptions};
+use hlacdb::{Database, Error, Hint, Meta, OpenOptions, Query, ReindexOptions};
 use redb::StorageBackend;
 
 use super::{long, volume};
@@ -266,7 +266,7 @@ fn sweep(act: Act, fault: Fault, begin: &[u8], stride: u64) -> u64 {
             Act::Migrate => match options().open_with_backend(whole.clone()) {
                 Ok(_) => Some(look(act, &bytes)),
                 Err(error) => {
-                    assert!(error.to_string().contains("migrate"), "{act:?} {fault:?} {at}: {error}");
+                    assert_eq!(error.hint(), Some(Hint::MigrateStore), "{act:?} {fault:?} {at}: {error}");
                     None
                 }
             },
