@@ -39,6 +39,7 @@ mod error;
 pub mod eval;
 pub mod index;
 pub mod ingest;
+mod isolated;
 #[path = "../migrations/mod.rs"]
 pub mod migrations;
 mod progress;

@@ -4,22 +4,23 @@ use super::handle::{Database, held};
 use super::points::spaces::keep_points;
 use super::points::statistics_cache::StatisticsCache;
 use crate::error::Error;
+use crate::isolated::isolated;
 use crate::store::{Reads, Transaction};
 
 impl Database {
     /// One transaction, with the statistics_cache kept and the new points written; an error leaves everything as it was.
-    pub(crate) fn change<T>(
+    pub(crate) fn change<T: Send>(
         &self,
-        act: impl FnOnce(&mut Transaction, &mut StatisticsCache) -> Result<T, Error>,
+        act: impl FnOnce(&mut Transaction, &mut StatisticsCache) -> Result<T, Error> + Send,
     ) -> Result<T, Error> {
         self.change_if(|transaction, statistics_cache| Ok((act(transaction, statistics_cache)?, true)))
     }
 
     /// As [`Database::change`], and statistics that are not whole do not stop it: `act` is told whether they are, and builds
     /// them anew.
-    pub(crate) fn change_mending<T>(
+    pub(crate) fn change_mending<T: Send>(
         &self,
-        act: impl FnOnce(&mut Transaction, &mut StatisticsCache, bool) -> Result<T, Error>,
+        act: impl FnOnce(&mut Transaction, &mut StatisticsCache, bool) -> Result<T, Error> + Send,
     ) -> Result<T, Error> {
         self.change_with(true, |transaction, statistics_cache, whole| {
             Ok((act(transaction, statistics_cache, whole)?, true))
@@ -38,17 +39,17 @@ impl Database {
     }
 
     /// As [`Database::change`]; nothing is written where `act` says that nothing changed.
-    pub(crate) fn change_if<T>(
+    pub(crate) fn change_if<T: Send>(
         &self,
-        act: impl FnOnce(&mut Transaction, &mut StatisticsCache) -> Result<(T, bool), Error>,
+        act: impl FnOnce(&mut Transaction, &mut StatisticsCache) -> Result<(T, bool), Error> + Send,
     ) -> Result<T, Error> {
         self.change_with(false, |transaction, statistics_cache, _| act(transaction, statistics_cache))
     }
 
-    fn change_with<T>(
+    fn change_with<T: Send>(
         &self,
         mending: bool,
-        act: impl FnOnce(&mut Transaction, &mut StatisticsCache, bool) -> Result<(T, bool), Error>,
+        act: impl FnOnce(&mut Transaction, &mut StatisticsCache, bool) -> Result<(T, bool), Error> + Send,
     ) -> Result<T, Error> {
         let mut statistics_cache = held(self.statistics.lock());
         let mut transaction = self.store().write()?;
@@ -59,17 +60,19 @@ impl Database {
             }
             opened => opened.map(|()| true),
         };
-        let done = opened.and_then(|whole| act(&mut transaction, &mut statistics_cache, whole)).and_then(
-            |(value, changed)| {
+        let cache: &mut StatisticsCache = &mut statistics_cache;
+        let done = opened.and_then(|whole| {
+            isolated(|| {
+                let (value, changed) = act(&mut transaction, cache, whole)?;
                 if changed {
-                    statistics_cache.save(&mut transaction)?;
+                    cache.save(&mut transaction)?;
                     keep_points(&mut transaction)?;
                     let revision = transaction.commit()?;
-                    statistics_cache.close(revision);
+                    cache.close(revision);
                 }
                 Ok(value)
-            },
-        );
+            })
+        });
         if done.is_err() {
             // What was counted in memory is no longer what is on disk.
             *statistics_cache = StatisticsCache::default();

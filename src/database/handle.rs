@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, RwLock};
 
 use super::catalogue::Catalogue;
-use super::points::state::SpaceStates;
+use super::points::state::LiveSpaces;
 use super::points::statistics_cache::StatisticsCache;
 use super::texture::Filtered;
 use crate::error::Error;
@@ -31,10 +31,10 @@ pub struct Database {
     pub(crate) store: Store,
     /// The statistics in memory, and the lock that makes writers take turns.
     pub(crate) statistics: Mutex<StatisticsCache>,
-    /// The newest state of each space that was asked for.
-    pub(crate) spaces: Arc<SpaceStates>,
-    /// Held while a state is built, so that threads that ask at once build it once.
-    pub(crate) building: Mutex<()>,
+    /// The spaces that were queried.
+    pub(crate) spaces: LiveSpaces,
+    /// Held while points are loaded, so that several threads that need them load them once.
+    pub(crate) loading: Mutex<()>,
     /// The textures that the last filter let through.
     pub(crate) filtered: Mutex<Option<Filtered>>,
     /// The newest list of textures that was asked for.

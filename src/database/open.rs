@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::{Arc, Mutex, RwLock};
+use std::sync::{Mutex, RwLock};
 
 use super::handle::Database;
+use super::points::state::LiveSpaces;
 use super::points::statistics_cache::StatisticsCache;
 use crate::error::Error;
 use crate::hlac::View;
@@ -124,8 +125,8 @@ impl OpenOptions {
             path: path.to_path_buf(),
             store,
             statistics: Mutex::new(StatisticsCache::default()),
-            spaces: Arc::default(),
-            building: Mutex::new(()),
+            spaces: LiveSpaces::default(),
+            loading: Mutex::new(()),
             filtered: Mutex::new(None),
             catalogue: RwLock::default(),
             listing: Mutex::new(()),

@@ -42,4 +42,4 @@ pub use plan::{Plan, plan};
 pub use points::{CHUNK_ROWS, Points};
 pub use query::{IdFilter, KnnQuery};
 pub use scalar_quantisation::{NO_POINT, quantise};
-pub use shared::SharedIndex;
+pub use shared::{IndexState, SharedIndex};

@@ -1,83 +1,121 @@
-//! One index for many threads: any number ask, one at a time changes it, nobody waits for a build.
+//! One index for many threads: any number search, one at a time changes it, and no search waits for a build.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
-use super::{Index, KdTree};
+use super::Index;
+use crate::isolated::isolated;
 
-/// The current state of an index. Every question is asked of a snapshot, so it sees the state before or after an
-/// update, never one between.
-pub struct SharedIndex {
-    current: RwLock<Index>,
-    /// Held by the one who changes; never by one who asks.
-    writer: Mutex<()>,
-    building: AtomicBool,
+/// An index at one moment, with what its owner keeps in step with it. It never changes.
+pub struct IndexState<T> {
+    /// What the owner keeps in step with the index, such as the revision that it is of.
+    pub owner: T,
+    /// The index.
+    pub index: Index,
 }
 
-impl SharedIndex {
-    /// Shares this index.
-    pub fn new(index: Index) -> Self {
-        Self { current: RwLock::new(index), writer: Mutex::new(()), building: AtomicBool::new(false) }
+/// The current state of an index and of what its owner keeps in step with it. A search uses a snapshot, so it sees the
+/// state before or after an update, never one in between.
+///
+/// At most one tree is built at a time. A build works on a snapshot and does not block searches or updates.
+pub struct SharedIndex<T> {
+    current: RwLock<Arc<IndexState<T>>>,
+    /// Held while the state is changed. Taking a snapshot does not need it.
+    writer: Mutex<()>,
+    /// Held while a tree is built.
+    builder: Mutex<()>,
+    /// Whether a build was started in the background and has not ended.
+    in_background: AtomicBool,
+    builds: AtomicU64,
+}
+
+impl<T: Clone + Send + Sync + 'static> SharedIndex<T> {
+    /// Shares an index.
+    pub fn new(owner: T, index: Index) -> Self {
+        Self {
+            current: RwLock::new(Arc::new(IndexState { owner, index })),
+            writer: Mutex::new(()),
+            builder: Mutex::new(()),
+            in_background: AtomicBool::new(false),
+            builds: AtomicU64::new(0),
+        }
     }
 
-    /// The state as it is now; it never changes, whatever is done to the shared index later.
-    pub fn snapshot(&self) -> Index {
-        // A lock is poisoned only if a thread died while swapping whole states: what is there is whole.
-        self.current.read().unwrap_or_else(PoisonError::into_inner).clone()
+    /// The current state.
+    pub fn snapshot(&self) -> Arc<IndexState<T>> {
+        // States are replaced whole, so that what a thread left behind that panicked is whole too.
+        Arc::clone(&self.current.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Changes the index: `change` works on a copy that shares memory, which becomes the current state when it returns.
+    /// Changes the state: `change` works on a copy that shares memory, and becomes the current state when it returns.
     ///
-    /// Updates come one after another; snapshots are taken meanwhile. Should `change` panic, nothing has changed.
-    pub fn update<T>(&self, change: impl FnOnce(&mut Index) -> T) -> T {
-        let _one_at_a_time = self.lock_writer();
-        let mut next = self.snapshot();
-        let result = change(&mut next);
-        *self.current.write().unwrap_or_else(PoisonError::into_inner) = next;
-        result
+    /// Updates come one after another; snapshots are taken meanwhile. If `change` fails or panics, nothing has changed.
+    ///
+    /// # Errors
+    /// Those of `change`.
+    pub fn update<E>(&self, change: impl FnOnce(&mut T, &mut Index) -> Result<(), E>) -> Result<(), E> {
+        let _one_at_a_time = lock(&self.writer);
+        let state = self.snapshot();
+        let (mut owner, mut index) = (state.owner.clone(), state.index.clone());
+        change(&mut owner, &mut index)?;
+        *self.current.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(IndexState { owner, index });
+        Ok(())
     }
 
-    /// Starts to build a tree on a thread of its own where one is due and none is being built. True if it did.
+    /// Starts to build a tree on a thread of its own if one is due and none is being built. True if it did.
     ///
-    /// Questions are answered with the old tree and the tail until the new one is there; updates go on as well.
-    pub fn maintain(self: &Arc<Self>) -> bool {
-        if !self.snapshot().should_rebuild() || self.building.swap(true, Ordering::AcqRel) {
+    /// Searches use the old tree and scan the rows that it does not cover until the new one is there.
+    pub fn build_in_background(self: &Arc<Self>) -> bool {
+        if !self.snapshot().index.should_rebuild() || self.in_background.swap(true, Ordering::AcqRel) {
             return false;
         }
         let shared = Arc::clone(self);
         std::thread::spawn(move || {
-            let _done = Done(&shared.building);
-            shared.rebuild();
+            let _ended = Ended(&shared.in_background);
+            shared.build_if(Index::should_rebuild);
         });
         true
     }
 
-    /// Whether [`SharedIndex::maintain`] has a build under way.
-    pub fn is_building(&self) -> bool {
-        self.building.load(Ordering::Acquire)
-    }
-
-    /// Builds a tree over the current state and takes it in; returns when it is there.
-    pub fn rebuild(&self) {
-        let snapshot = self.snapshot();
-        if snapshot.needs_compaction() {
-            // Row numbers change: nothing may be added meanwhile. Questions go on.
-            self.update(Index::rebuild);
-        } else if let Some(tree) = KdTree::build(snapshot.points()) {
-            let tree = Arc::new(tree);
-            self.update(|index| index.install(tree));
+    /// Builds a tree if `due` says so of the current index; returns when it is there. A build that is already running is
+    /// waited for first.
+    pub fn build_if(&self, due: impl Fn(&Index) -> bool) {
+        let _one_at_a_time = lock(&self.builder);
+        let before = self.snapshot();
+        if !due(&before.index) {
+            return;
+        }
+        let mut built = before.index.clone();
+        isolated(|| built.rebuild());
+        self.builds.fetch_add(1, Ordering::Relaxed);
+        let installed = self.update(|_, index| {
+            index.adopt(built, &before.index);
+            Ok::<(), std::convert::Infallible>(())
+        });
+        match installed {
+            Ok(()) => {}
         }
     }
 
-    fn lock_writer(&self) -> MutexGuard<'_, ()> {
-        self.writer.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Whether a build in the background is under way.
+    pub fn is_building(&self) -> bool {
+        self.in_background.load(Ordering::Acquire)
+    }
+
+    /// The number of builds so far.
+    pub fn builds(&self) -> u64 {
+        self.builds.load(Ordering::Relaxed)
     }
 }
 
-/// Says that the build is over, however it ended.
-struct Done<'a>(&'a AtomicBool);
+fn lock(mutex: &Mutex<()>) -> MutexGuard<'_, ()> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
-impl Drop for Done<'_> {
+/// Notes that a background build has ended, however it ended.
+struct Ended<'a>(&'a AtomicBool);
+
+impl Drop for Ended<'_> {
     fn drop(&mut self) {
         self.0.store(false, Ordering::Release);
     }

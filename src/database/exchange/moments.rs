@@ -60,8 +60,8 @@ impl Database {
 
         let recipe = FeatureSet::plain();
         let mut moments = NpyRows::create(&folder.join("moments.npy"), &[live.len(), MASK_COUNT])?;
-        let mut points = NpyRows::create(&folder.join("points.npy"), &[live.len(), state.space.dims()])?;
-        let nothing = vec![f32::NAN; state.space.dims()];
+        let mut points = NpyRows::create(&folder.join("points.npy"), &[live.len(), state.owner.space.dims()])?;
+        let nothing = vec![f32::NAN; state.owner.space.dims()];
         let mut block = None;
         for &(row, id) in &live {
             let number = (row / DESCRIPTOR_ROWS) as u32;

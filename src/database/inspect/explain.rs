@@ -36,7 +36,7 @@ impl Database {
         let snapshot = self.store().read()?;
         let name = space.unwrap_or(DEFAULT_SPACE);
         let state = self.state(&snapshot, name)?;
-        let space = &state.space;
+        let space = &state.owner.space;
         let features_of = |id| features(space, &known_descriptor(&snapshot, id)?, ExampleKind::Texture(id));
         let explanation = space.explain(&features_of(a)?, &features_of(b)?)?;
         Ok(PairExplanation { a, b, space: name.to_owned(), epoch: space.epoch(), explanation })

@@ -62,8 +62,8 @@ fn map_of(space: &str, state: &SpaceState, limit: usize) -> TextureMap {
     }
     TextureMap {
         space: space.to_owned(),
-        epoch: state.space.epoch(),
-        revision: state.revision(),
+        epoch: state.owner.space.epoch(),
+        revision: state.owner.revision,
         total: points.len() as u64,
         explained: axes.explained,
         ids,

@@ -31,6 +31,6 @@ impl Database {
     /// # Errors
     /// [`Error::NoSuchSpace`], [`Error::Store`].
     pub fn space(&self, name: &str) -> Result<Arc<Space>, Error> {
-        Ok(Arc::clone(&self.state(&self.store().read()?, name)?.space))
+        Ok(Arc::clone(&self.state(&self.store().read()?, name)?.owner.space))
     }
 }

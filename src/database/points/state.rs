@@ -1,112 +1,142 @@
 //! Spaces in memory: their points and indexes, kept up with the store.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, RwLock};
 
 use super::spaces;
 use super::stored::{StoredPoints, mapped_points};
 use crate::database::handle::{Database, held};
 use crate::error::{Error, chain};
-use crate::index::{Index, KdTree, Points};
-use crate::space::Metric;
-use crate::space::Space;
+use crate::index::{Index, IndexState, Method, Points, SharedIndex};
+use crate::isolated::isolated;
+use crate::space::{Metric, Space};
 use crate::store::{DESCRIPTOR_ROWS, Reads, Record, Rows, Snapshot};
 
-/// A space's points as of one revision of the store. It never changes: a query sees one state.
-pub(crate) struct SpaceState {
+/// A space's points at one revision of the store, with or without a tree over them. It never changes: a query sees one
+/// state.
+pub(crate) type SpaceState = IndexState<SpaceVersion>;
+
+/// What belongs to the points of a space at one revision of the store.
+#[derive(Clone)]
+pub(crate) struct SpaceVersion {
+    /// The revision.
     pub(crate) revision: u64,
     /// The space that made the points.
     pub(crate) space: Arc<Space>,
-    /// The points of all textures that have one.
-    pub(crate) index: Index,
-    /// What could not be read when it was made.
-    warnings: Arc<Vec<String>>,
-    /// Questions asked of this state and those before it: a tree is built once it is worth it.
-    pub(crate) asked: Arc<AtomicU64>,
-    /// The records of textures that were hits, as of this revision: reading them costs more than finding them.
-    hits: Arc<RwLock<HashMap<u64, Arc<Record>>>>,
+    /// What could not be read when the points were loaded, one sentence each.
+    pub(crate) warnings: Arc<Vec<String>>,
+    /// The records of textures that were hits: reading them takes longer than finding them.
+    records: Arc<RwLock<HashMap<u64, Arc<Record>>>>,
 }
 
-/// So many records are remembered at most.
-const REMEMBERED: usize = 16 * 1024;
+/// The most records that are cached.
+const CACHED_RECORDS: usize = 16 * 1024;
 
-/// The newest state of each space that was asked for. Shared with the threads that build trees.
-#[derive(Default)]
-pub(crate) struct SpaceStates {
-    newest: RwLock<BTreeMap<String, Arc<SpaceState>>>,
-    /// Spaces about which a question was answered from the file.
-    asked: Mutex<BTreeSet<String>>,
+/// A space in memory. Its points are kept up with the store, and so is the tree over them.
+pub(crate) struct LiveSpace {
+    points: Arc<SharedIndex<SpaceVersion>>,
+    /// The number of queries since the points were loaded: a tree is built once it is worthwhile.
+    queries: AtomicU64,
 }
 
-impl SpaceStates {
-    pub(crate) fn get(&self, name: &str) -> Option<Arc<SpaceState>> {
-        held(self.newest.read()).get(name).cloned()
+/// Fewer queries than this, one after another, are answered by the scan: most processes ask few.
+const QUERIES_WORTH_A_TREE: u64 = 8;
+
+impl LiveSpace {
+    fn new(version: SpaceVersion, index: Index) -> Self {
+        Self { points: Arc::new(SharedIndex::new(version, index)), queries: AtomicU64::new(0) }
     }
 
-    /// Notes that a question was asked of a space; true for the first one.
-    pub(crate) fn is_first(&self, name: &str) -> bool {
-        held(self.asked.lock()).insert(name.to_owned())
+    /// The current state.
+    pub(crate) fn state(&self) -> Arc<SpaceState> {
+        self.points.snapshot()
     }
 
-    pub(crate) fn put(&self, name: &str, state: &Arc<SpaceState>) {
-        held(self.newest.write()).insert(name.to_owned(), Arc::clone(state));
+    /// The number of trees that were built.
+    #[cfg(test)]
+    pub(crate) fn builds(&self) -> u64 {
+        self.points.builds()
     }
 
-    /// Gives the newest state of a space a tree that was built over an earlier one of the same points.
-    pub(crate) fn install(&self, name: &str, tree: Arc<KdTree>) {
-        let mut states = held(self.newest.write());
-        if let Some(state) = states.get_mut(name) {
-            let mut index = state.index.clone();
-            if index.install(tree) {
-                *state = Arc::new(state.with_index(index));
+    /// Waits for a build in the background to end.
+    #[cfg(test)]
+    pub(crate) fn wait_for_build(&self) {
+        while self.points.is_building() {
+            std::thread::yield_now();
+        }
+    }
+
+    /// Gets the tree ready for queries for these numbers of neighbours, which will be answered by `method`.
+    ///
+    /// If the tree is asked for by name, or so many queries make it worthwhile, it is there when this returns. Otherwise,
+    /// once a few queries were counted, it is built in the background, and queries are answered by the scan meanwhile.
+    pub(crate) fn prepare(&self, method: Method, ks: &[usize]) {
+        let state = self.state();
+        let queries = ks.iter().filter(|&&k| state.index.suits_tree(k)).count();
+        let counted = self.queries.fetch_add(queries as u64, Ordering::Relaxed) + queries as u64;
+        match method {
+            Method::Linear => {}
+            Method::KdTree => self.points.build_if(|index| index.covered() == 0 || index.should_rebuild()),
+            Method::Auto if state.index.is_build_worthwhile(queries) => {
+                self.points.build_if(|index| index.is_build_worthwhile(queries));
             }
+            Method::Auto if counted >= QUERIES_WORTH_A_TREE => {
+                self.points.build_in_background();
+            }
+            Method::Auto => {}
         }
     }
 }
 
-impl SpaceState {
-    /// The revision of the store whose points these are.
-    pub(crate) fn revision(&self) -> u64 {
-        self.revision
+/// The spaces in memory: those that were queried, each as of the newest revision that was asked for.
+#[derive(Default)]
+pub(crate) struct LiveSpaces {
+    spaces: RwLock<BTreeMap<String, Arc<LiveSpace>>>,
+    /// The spaces about which a query was answered from the file.
+    queried: Mutex<BTreeSet<String>>,
+}
+
+impl LiveSpaces {
+    pub(crate) fn get(&self, name: &str) -> Option<Arc<LiveSpace>> {
+        held(self.spaces.read()).get(name).cloned()
     }
 
-    /// What could not be read when it was made, one sentence each.
-    pub(crate) fn warnings(&self) -> &[String] {
-        &self.warnings
+    /// Notes that a space is queried; true the first time.
+    pub(crate) fn is_first_query(&self, name: &str) -> bool {
+        held(self.queried.lock()).insert(name.to_owned())
+    }
+
+    fn put(&self, name: &str, space: &Arc<LiveSpace>) {
+        held(self.spaces.write()).insert(name.to_owned(), Arc::clone(space));
+    }
+}
+
+impl SpaceVersion {
+    fn new(snapshot: &Snapshot, space: Arc<Space>, warnings: Vec<String>) -> Self {
+        Self { revision: snapshot.revision(), space, warnings: Arc::new(warnings), records: Arc::default() }
     }
 
     /// The records of these textures, in their order; `None` for those that are not there. `snapshot` is of the revision of
     /// this state.
     pub(crate) fn records_of(&self, snapshot: &Snapshot, ids: &[u64]) -> Result<Vec<Option<Arc<Record>>>, Error> {
-        let known: Vec<Option<Arc<Record>>> = {
-            let hits = held(self.hits.read());
-            ids.iter().map(|id| hits.get(id).cloned()).collect()
+        let cached: Vec<Option<Arc<Record>>> = {
+            let records = held(self.records.read());
+            ids.iter().map(|id| records.get(id).cloned()).collect()
         };
         let missing: Vec<u64> =
-            ids.iter().zip(&known).filter(|(_, known)| known.is_none()).map(|(&id, _)| id).collect();
+            ids.iter().zip(&cached).filter(|(_, cached)| cached.is_none()).map(|(&id, _)| id).collect();
         if missing.is_empty() {
-            return Ok(known);
+            return Ok(cached);
         }
         let mut read = snapshot.records_of(&missing)?.into_iter().map(|record| record.map(Arc::new));
         let records: Vec<Option<Arc<Record>>> =
-            known.into_iter().map(|known| known.or_else(|| read.next().flatten())).collect();
-        let mut hits = held(self.hits.write());
-        if hits.len() + missing.len() <= REMEMBERED {
-            hits.extend(records.iter().flatten().map(|record| (record.id, Arc::clone(record))));
+            cached.into_iter().map(|cached| cached.or_else(|| read.next().flatten())).collect();
+        let mut cache = held(self.records.write());
+        if cache.len() + missing.len() <= CACHED_RECORDS {
+            cache.extend(records.iter().flatten().map(|record| (record.id, Arc::clone(record))));
         }
         Ok(records)
-    }
-
-    /// The same state with another index of the same points.
-    pub(crate) fn with_index(&self, index: Index) -> Self {
-        let (space, asked, hits) = (Arc::clone(&self.space), Arc::clone(&self.asked), Arc::clone(&self.hits));
-        Self { revision: self.revision, space, index, warnings: Arc::clone(&self.warnings), asked, hits }
-    }
-
-    /// The metric of the space.
-    pub(crate) fn metric(&self) -> Metric {
-        self.space.metric()
     }
 }
 
@@ -114,77 +144,75 @@ impl SpaceState {
 pub type IdPoint = (u64, Vec<f32>);
 
 impl Database {
-    /// The state of a space at the revision of `snapshot`, or a later one.
+    /// A space with its points at the revision of `snapshot`, or a later one.
     ///
-    /// Where only few textures came or went since the last question, the points are brought up to date; else they are
-    /// loaded.
-    pub(crate) fn state(&self, snapshot: &Snapshot, name: &str) -> Result<Arc<SpaceState>, Error> {
-        let current = |state: &Arc<SpaceState>| state.revision >= snapshot.revision();
-        if let Some(state) = self.spaces.get(name).filter(current) {
-            return Ok(state);
+    /// If only few textures came or went since the last query, the points are brought up to date; otherwise they are loaded.
+    pub(crate) fn live_space(&self, snapshot: &Snapshot, name: &str) -> Result<Arc<LiveSpace>, Error> {
+        let is_current = |live: &Arc<LiveSpace>| live.state().owner.revision >= snapshot.revision();
+        if let Some(live) = self.spaces.get(name).filter(is_current) {
+            return Ok(live);
         }
-        let _building = held(self.building.lock());
+        let _loading = held(self.loading.lock());
         let known = self.spaces.get(name);
-        if let Some(state) = known.clone().filter(current) {
-            return Ok(state);
+        if let Some(live) = known.clone().filter(is_current) {
+            return Ok(live);
         }
         let space = Arc::new(spaces::load(snapshot, name)?);
-        let same = known.filter(|state| state.space.epoch() == space.epoch() && state.space == space);
-        let state = Arc::new(match same {
-            Some(state) => advanced(&state, snapshot, name)?,
-            None => loaded(snapshot, name, space)?,
-        });
-        self.spaces.put(name, &state);
-        Ok(state)
+        let same_fit = |live: &Arc<LiveSpace>| {
+            let fitted = &live.state().owner.space;
+            fitted.epoch() == space.epoch() && *fitted == space
+        };
+        if let Some(live) = known.filter(same_fit) {
+            let update = || live.points.update(|version, index| advance(version, index, snapshot, name));
+            return isolated(update).map(|()| Arc::clone(&live));
+        }
+        let live = Arc::new(isolated(|| load(snapshot, name, space))?);
+        self.spaces.put(name, &live);
+        Ok(live)
+    }
+
+    /// The state of a space at the revision of `snapshot`, or a later one.
+    pub(crate) fn state(&self, snapshot: &Snapshot, name: &str) -> Result<Arc<SpaceState>, Error> {
+        Ok(self.live_space(snapshot, name)?.state())
     }
 
     /// The metric of a space and the points of some textures in it, in the order of `ids`; a texture without a point is
     /// left out.
     ///
     /// # Errors
-    /// [`Error::NoSuchSpace`], [`Error::Store`].
+    /// [`QueryError::NoSuchSpace`](crate::QueryError::NoSuchSpace), [`Error::Store`].
     pub fn points_of(&self, space: &str, ids: impl IntoIterator<Item = u64>) -> Result<(Metric, Vec<IdPoint>), Error> {
         let state = self.state(&self.store().read()?, space)?;
         let points = ids.into_iter().filter_map(|id| Some((id, state.index.points().point(id)?.to_vec())));
-        Ok((state.metric(), points.collect()))
+        Ok((state.owner.space.metric(), points.collect()))
     }
 }
 
 /// The points of every texture, from nothing.
-fn loaded(snapshot: &Snapshot, name: &str, space: Arc<Space>) -> Result<SpaceState, Error> {
+fn load(snapshot: &Snapshot, name: &str, space: Arc<Space>) -> Result<LiveSpace, Error> {
     let rows = snapshot.rows()?;
     let mut warnings = Vec::new();
     let (ids, coordinates) = points_from(snapshot, name, &space, &rows, 0, &mut warnings)?;
     let points = Points::from_rows(space.metric(), space.dims(), &ids, &coordinates)?;
-    let index = Index::from_points(points);
-    let warnings = Arc::new(warnings);
-    Ok(SpaceState {
-        revision: snapshot.revision(),
-        space,
-        index,
-        warnings,
-        asked: Arc::default(),
-        hits: Arc::default(),
-    })
+    Ok(LiveSpace::new(SpaceVersion::new(snapshot, space, warnings), Index::from_points(points)))
 }
 
-/// The points of an earlier state, with what was removed and added since.
-fn advanced(state: &SpaceState, snapshot: &Snapshot, name: &str) -> Result<SpaceState, Error> {
+/// Brings the points of an earlier revision up to date: takes out what was removed and adds what was added since.
+fn advance(version: &mut SpaceVersion, index: &mut Index, snapshot: &Snapshot, name: &str) -> Result<(), Error> {
     let rows = snapshot.rows()?;
-    let mut index = state.index.clone();
     let gone: Vec<u64> = index.points().iter().map(|(id, _)| id).filter(|&id| rows.row_of(id).is_none()).collect();
     for id in gone {
         index.remove(id);
     }
     let first_new = index.points().last_id().map_or(0, |last| rows.ids().partition_point(|&id| id <= last));
-    let mut warnings = state.warnings.to_vec();
-    let (ids, coordinates) = points_from(snapshot, name, &state.space, &rows, first_new, &mut warnings)?;
-    for (&id, point) in ids.iter().zip(coordinates.chunks_exact(state.space.dims().max(1))) {
+    let space = Arc::clone(&version.space);
+    let mut warnings = version.warnings.to_vec();
+    let (ids, coordinates) = points_from(snapshot, name, &space, &rows, first_new, &mut warnings)?;
+    for (&id, point) in ids.iter().zip(coordinates.chunks_exact(space.dims().max(1))) {
         index.push(id, point)?;
     }
-    let (space, asked) = (Arc::clone(&state.space), Arc::clone(&state.asked));
-    let warnings = Arc::new(warnings);
-    Ok(SpaceState { revision: snapshot.revision(), space, index, warnings, asked, hits: Arc::default() })
+    *version = SpaceVersion::new(snapshot, space, warnings);
+    Ok(())
 }
 
 /// Ids and points, row-major, of the live rows from `first` on that have a point: kept ones as they are, others mapped.

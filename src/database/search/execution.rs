@@ -8,12 +8,11 @@ use rayon::prelude::*;
 
 use super::from_disk;
 use super::source::PointSource;
-use super::{Answer, Combine, Example, HITS, Hit, Query};
+use super::{Answer, Combine, Example, Hit, Query};
 use crate::database::handle::Database;
 use crate::database::points::descriptors::{features, known_descriptor};
 use crate::database::quarantine::left_out;
-use crate::database::scheme::DEFAULT_SPACE;
-use crate::error::{Error, ExampleKind, QueryError};
+use crate::error::{Error, ExampleKind};
 use crate::index::{IdFilter, KnnQuery, Neighbour};
 use crate::space::{Descriptor, Space};
 use crate::store::{Reads, Snapshot, StoreError};
@@ -29,9 +28,12 @@ impl Database {
     /// none of the views that the space uses. [`Error::Store`] where the store cannot be read. An empty store has no
     /// hits: that is no error.
     pub fn query(&self, query: &Query<'_>) -> Result<Answer, Error> {
-        match Execution::new(self, query, 1).and_then(|asked| asked.answer(query)) {
-            // What is damaged in the file the points in memory may do without: they are made anew where they must be.
-            Err(error) if error.is_damage() => Execution::new(self, query, 2)?.answer(query),
+        query.check()?;
+        let from_file_or_memory =
+            |snapshot: &Snapshot| self.point_source(snapshot, query.space_name(), query.index, query.limit());
+        match Execution::new(self, from_file_or_memory).and_then(|execution| execution.answer(query)) {
+            // The points in memory may do without what is damaged in the file: where they must be, they are recomputed.
+            Err(error) if error.is_damage() => self.from_memory(query, &[query.limit()])?.answer(query),
             answer => answer,
         }
     }
@@ -41,57 +43,59 @@ impl Database {
     /// # Errors
     /// As [`Database::query`]: the first that fails.
     pub fn query_all(&self, queries: &[Query<'_>]) -> Result<Vec<Answer>, Error> {
-        match queries {
-            [] => return Ok(Vec::new()),
-            [query] => return Ok(vec![self.query(query)?]),
-            // Queries of one call mostly share space and index: those are made once, before the threads begin.
-            [first, ..] => drop(Execution::new(self, first, queries.len() as u64)?),
+        if let [query] = queries {
+            return Ok(vec![self.query(query)?]);
         }
-        queries.par_iter().map(|query| Execution::new(self, query, 0)?.answer(query)).collect()
+        // Points are loaded, and trees built, before the threads begin.
+        let mut batches: BTreeMap<(&str, &str), Vec<&Query<'_>>> = BTreeMap::new();
+        for query in queries {
+            query.check()?;
+            batches.entry((query.space_name(), query.index.name())).or_default().push(query);
+        }
+        for batch in batches.values() {
+            let ks: Vec<usize> = batch.iter().map(|query| query.limit()).collect();
+            if let Some(first) = batch.first() {
+                self.from_memory(first, &ks)?;
+            }
+        }
+        queries.par_iter().map(|query| self.from_memory(query, &[])?.answer(query)).collect()
+    }
+
+    /// A query that is answered from points in memory, made ready for queries for these numbers of neighbours.
+    fn from_memory(&self, query: &Query<'_>, ks: &[usize]) -> Result<Execution<'_>, Error> {
+        Execution::new(self, |snapshot| {
+            self.points_in_memory(snapshot, query.space_name(), query.index, ks).map(PointSource::Memory)
+        })
     }
 }
 
-/// So many values of a tag are told where none of them was meant.
-const VALUES_TOLD: usize = 8;
+/// The most values of a tag that a warning lists.
+const LISTED_VALUES: usize = 8;
 
-/// A query and the state it is asked of.
+/// The state that a query is answered from.
 struct Execution<'a> {
     database: &'a Database,
     snapshot: Snapshot,
-    name: String,
-    ground: PointSource,
+    points: PointSource,
 }
 
-/// The points asked for, and the textures that they are of.
+/// The examples' points, with the id of each that is a texture.
 type Points = Vec<(Vec<f32>, Option<u64>)>;
 
 impl<'a> Execution<'a> {
-    fn new(database: &'a Database, query: &Query<'_>, questions: u64) -> Result<Self, Error> {
-        if query.k == Some(0) {
-            return Err(QueryError::ZeroK.into());
-        }
-        if let Some(found) = query.within.filter(|distance| distance.is_nan() || *distance < 0.0) {
-            return Err(QueryError::Distance { found }.into());
-        }
-        if query.examples.is_empty() {
-            return Err(QueryError::NoExample.into());
-        }
-        let name = query.space.as_deref().unwrap_or(DEFAULT_SPACE).to_owned();
+    fn new(database: &'a Database, source: impl Fn(&Snapshot) -> Result<PointSource, Error>) -> Result<Self, Error> {
         loop {
             let snapshot = database.store().read()?;
-            let ground = database.ground(&snapshot, &name, query.index, questions)?;
+            let points = source(&snapshot)?;
             // Another thread may have seen a later commit in between: names and distances must be of one state.
-            if ground.revision().is_none_or(|revision| revision == snapshot.revision()) {
-                return Ok(Self { database, snapshot, name, ground });
+            if points.revision().is_none_or(|revision| revision == snapshot.revision()) {
+                return Ok(Self { database, snapshot, points });
             }
         }
     }
 
     fn space(&self) -> &Arc<Space> {
-        match &self.ground {
-            PointSource::Memory(state) => &state.space,
-            PointSource::Disk(space) => space,
-        }
+        self.points.space()
     }
 
     fn answer(&self, query: &Query<'_>) -> Result<Answer, Error> {
@@ -100,11 +104,11 @@ impl<'a> Execution<'a> {
         let allowed = self.database.tagged(&self.snapshot, &query.filters)?;
         let mut warnings = self.warnings(query, allowed.as_deref().map(Vec::as_slice))?;
         let began = Instant::now();
-        let k = query.k.unwrap_or(if query.within.is_some() { usize::MAX } else { HITS });
+        let k = query.limit();
         let mut own: Vec<u64> = points.iter().filter_map(|(_, id)| *id).filter(|_| query.exclude_self).collect();
         own.extend(left_out(&self.snapshot, &mut warnings));
-        if let PointSource::Memory(state) = &self.ground {
-            warnings.extend_from_slice(state.warnings());
+        if let PointSource::Memory(state) = &self.points {
+            warnings.extend_from_slice(&state.owner.warnings);
         }
         let (hits, index, elapsed) = loop {
             own.sort_unstable();
@@ -143,17 +147,17 @@ impl<'a> Execution<'a> {
             // Whoever asked is told by the answer.
             tracing::debug!("{warning}");
         }
-        Ok(Answer { space: self.name.clone(), index, epoch: self.space().epoch(), elapsed, warnings, hits })
+        Ok(Answer { space: query.space_name().to_owned(), index, epoch: self.space().epoch(), elapsed, warnings, hits })
     }
 
     fn search(&self, question: &KnnQuery<'_>, query: &Query<'_>) -> Result<(Vec<Neighbour>, &'static str), Error> {
-        match &self.ground {
+        match &self.points {
             PointSource::Memory(state) => {
                 let method = state.index.choose(question, query.index);
                 Ok((state.index.search(question, query.index)?, method.name()))
             }
             PointSource::Disk(space) => {
-                let neighbours = from_disk::search(&self.snapshot, &self.name, space, question)?;
+                let neighbours = from_disk::search(&self.snapshot, query.space_name(), space, question)?;
                 Ok((neighbours, crate::index::Method::Linear.name()))
             }
         }
@@ -162,8 +166,8 @@ impl<'a> Execution<'a> {
     /// Names and tags.
     fn hits(&self, neighbours: &[Neighbour]) -> Result<Vec<Hit>, Error> {
         let ids: Vec<u64> = neighbours.iter().map(|hit| hit.id).collect();
-        let records = match &self.ground {
-            PointSource::Memory(state) => state.records_of(&self.snapshot, &ids)?,
+        let records = match &self.points {
+            PointSource::Memory(state) => state.owner.records_of(&self.snapshot, &ids)?,
             PointSource::Disk(_) => {
                 self.snapshot.records_of(&ids)?.into_iter().map(|record| record.map(Arc::new)).collect()
             }
@@ -195,7 +199,7 @@ impl<'a> Execution<'a> {
                 }
                 let known = self.snapshot.tag_values(key)?;
                 if known.iter().all(|(one, _)| one != value) {
-                    let some: Vec<&str> = known.iter().take(VALUES_TOLD).map(|(one, _)| one.as_str()).collect();
+                    let some: Vec<&str> = known.iter().take(LISTED_VALUES).map(|(one, _)| one.as_str()).collect();
                     let more = if known.len() > some.len() { ", ..." } else { "" };
                     warnings.push(format!(
                         "no texture carries {key}={value}, so nothing can be a hit; the values of '{key}': {}{more}",
@@ -214,9 +218,9 @@ impl<'a> Execution<'a> {
     fn point(&self, example: &Example<'_>, query: &Query<'_>) -> Result<(Vec<f32>, Option<u64>), Error> {
         match example {
             Example::Texture(id) => {
-                let kept = match &self.ground {
+                let kept = match &self.points {
                     PointSource::Memory(state) => state.index.points().point(*id).map(<[f32]>::to_vec),
-                    PointSource::Disk(space) => from_disk::point(&self.snapshot, &self.name, space, *id)?,
+                    PointSource::Disk(space) => from_disk::point(&self.snapshot, query.space_name(), space, *id)?,
                 };
                 if let Some(point) = kept {
                     return Ok((point, Some(*id)));

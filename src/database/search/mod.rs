@@ -8,6 +8,8 @@ mod execution;
 mod from_disk;
 pub(crate) mod pairs;
 mod source;
+#[cfg(test)]
+mod tests;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -16,6 +18,8 @@ use std::time::Duration;
 
 use serde::Serialize;
 
+use crate::database::scheme::DEFAULT_SPACE;
+use crate::error::QueryError;
 use crate::index::Method;
 use crate::space::Descriptor;
 use crate::volume::Volume;
@@ -71,8 +75,8 @@ impl FromStr for Combine {
     }
 }
 
-/// So many hits are given where neither `k` nor a distance is said.
-const HITS: usize = 10;
+/// The number of hits where neither `k` nor a distance is given.
+const DEFAULT_K: usize = 10;
 
 /// A question: what is looked for, how many hits, and which textures may be hits.
 ///
@@ -105,6 +109,30 @@ impl<'a> Query<'a> {
             index: Method::Auto,
             exclude_self: false,
         }
+    }
+
+    /// Refuses what has no answer.
+    fn check(&self) -> Result<(), QueryError> {
+        if self.k == Some(0) {
+            return Err(QueryError::ZeroK);
+        }
+        if let Some(found) = self.within.filter(|distance| distance.is_nan() || *distance < 0.0) {
+            return Err(QueryError::Distance { found });
+        }
+        if self.examples.is_empty() {
+            return Err(QueryError::NoExample);
+        }
+        Ok(())
+    }
+
+    /// The most hits.
+    fn limit(&self) -> usize {
+        self.k.unwrap_or(if self.within.is_some() { usize::MAX } else { DEFAULT_K })
+    }
+
+    /// The name of the space.
+    fn space_name(&self) -> &str {
+        self.space.as_deref().unwrap_or(DEFAULT_SPACE)
     }
 
     /// Textures like this volume, which need not be in the store.

@@ -48,7 +48,7 @@ impl Database {
         if radius.is_nan() || radius < 0.0 {
             return Err(QueryError::Distance { found: radius }.into());
         }
-        let (snapshot, state) = self.treed(space.unwrap_or(DEFAULT_SPACE))?;
+        let (snapshot, state) = self.points_with_tree(space.unwrap_or(DEFAULT_SPACE))?;
         let mut pairs = state.index.pairs_within(radius)?;
         pairs.sort_by(|a, b| {
             a.distance.total_cmp(&b.distance).then(a.first.cmp(&b.first)).then(a.second.cmp(&b.second))
@@ -87,7 +87,7 @@ impl Database {
         if k == 0 {
             return Err(QueryError::ZeroK.into());
         }
-        let (snapshot, state) = self.treed(DEFAULT_SPACE)?;
+        let (snapshot, state) = self.points_with_tree(DEFAULT_SPACE)?;
         let rows = snapshot.rows()?;
         let live: Vec<u64> = rows.live().map(|(_, id)| id).collect();
         let mut ids = NpyRows::create(&folder.join(FILES[0]), &[live.len(), k])?;

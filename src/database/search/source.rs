@@ -1,102 +1,83 @@
-//! Where a query is answered: points in memory, with or without a tree, or the file.
+//! Where a query is answered: from points in memory, with or without a tree, or from the file.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
-use std::time::Instant;
 
 use super::from_disk;
 use crate::database::handle::Database;
 use crate::database::points::spaces;
 use crate::database::points::state::SpaceState;
 use crate::error::Error;
-use crate::index::{KdTree, Method};
+use crate::index::Method;
 use crate::space::Space;
 use crate::store::{Reads, Snapshot};
 
-/// Where a question is answered.
+/// Where a query is answered.
 pub(crate) enum PointSource {
     /// From points in memory.
     Memory(Arc<SpaceState>),
-    /// From the file; see [`super::cold`].
+    /// From the file; see [`from_disk`].
     Disk(Arc<Space>),
 }
 
 impl PointSource {
-    /// The revision of the store whose points these are; of the file, whichever is asked.
+    /// The revision of the store that the points are of; `None` where they are read from the file's newest state.
     pub(crate) fn revision(&self) -> Option<u64> {
         match self {
-            Self::Memory(state) => Some(state.revision),
+            Self::Memory(state) => Some(state.owner.revision),
             Self::Disk(_) => None,
+        }
+    }
+
+    /// The space that made the points.
+    pub(crate) fn space(&self) -> &Arc<Space> {
+        match self {
+            Self::Memory(state) => &state.owner.space,
+            Self::Disk(space) => space,
         }
     }
 }
 
-/// Fewer questions than this are answered by the scan alone: a tree would cost more than it saves.
-const QUESTIONS_WORTH_A_TREE: u64 = 8;
-
 impl Database {
-    /// Where `questions` questions about a space are answered: a single one, if it is the first and does not ask for a
-    /// tree, from the file where that is possible; else from points in memory.
-    pub(crate) fn ground(
+    /// Where a single query of a space for `k` neighbours is answered. The first query of a space reads the file, if
+    /// that is possible and no tree is asked for; later ones use points in memory.
+    pub(crate) fn point_source(
         &self,
         snapshot: &Snapshot,
         name: &str,
         method: Method,
-        questions: u64,
+        k: usize,
     ) -> Result<PointSource, Error> {
-        let single = questions == 1 && method != Method::KdTree && self.spaces.get(name).is_none();
-        if single && self.spaces.is_first(name) {
+        let may_be_first = method != Method::KdTree && self.spaces.get(name).is_none();
+        if may_be_first && self.spaces.is_first_query(name) {
             let space = Arc::new(spaces::load(snapshot, name)?);
             if from_disk::is_possible(snapshot, name, &space)? {
                 return Ok(PointSource::Disk(space));
             }
         }
-        let state = self.state(snapshot, name)?;
-        Ok(PointSource::Memory(self.with_tree(state, name, method, questions)))
+        self.points_in_memory(snapshot, name, method, &[k]).map(PointSource::Memory)
     }
 
-    /// The state with a tree, where `method` or the number of questions asks for one.
-    ///
-    /// By name (`kdtree`), the tree is built before the question is answered. By itself, it is built on a thread of its
-    /// own once a few questions were asked, and questions are answered by the scan meanwhile.
-    fn with_tree(&self, state: Arc<SpaceState>, name: &str, method: Method, questions: u64) -> Arc<SpaceState> {
-        let asked = state.asked.fetch_add(questions, Ordering::Relaxed) + questions;
-        if !state.index.should_rebuild() && (state.index.covered() > 0 || method != Method::KdTree) {
-            return state;
-        }
-        match method {
-            Method::Linear => {}
-            Method::KdTree => {
-                let (mut index, began) = (state.index.clone(), Instant::now());
-                index.rebuild();
-                let ms = began.elapsed().as_secs_f64() * 1e3;
-                tracing::debug!(space = name, rows = index.points().len(), ms, "built a tree");
-                let state = Arc::new(state.with_index(index));
-                self.spaces.put(name, &state);
-                return state;
-            }
-            Method::Auto if asked >= QUESTIONS_WORTH_A_TREE => {
-                // Counting from far below, so that no second build begins while this one runs.
-                state.asked.store(0, Ordering::Relaxed);
-                let (states, name, points) = (Arc::clone(&self.spaces), name.to_owned(), state.index.points().clone());
-                std::thread::spawn(move || {
-                    if let Some(tree) = KdTree::build(&points) {
-                        states.install(&name, Arc::new(tree));
-                    }
-                });
-            }
-            Method::Auto => {}
-        }
-        state
+    /// The points of a space at the revision of `snapshot` or a later one, ready for queries for these numbers of
+    /// neighbours: see [`LiveSpace::prepare`](crate::database::points::state::LiveSpace::prepare).
+    pub(crate) fn points_in_memory(
+        &self,
+        snapshot: &Snapshot,
+        name: &str,
+        method: Method,
+        ks: &[usize],
+    ) -> Result<Arc<SpaceState>, Error> {
+        let live = self.live_space(snapshot, name)?;
+        live.prepare(method, ks);
+        Ok(live.state())
     }
 
-    /// The newest state of a space, with a tree, and the snapshot that it is of: for questions about all textures.
-    pub(crate) fn treed(&self, name: &str) -> Result<(Snapshot, Arc<SpaceState>), Error> {
+    /// The newest points of a space, with a tree, and the snapshot that they are of.
+    pub(crate) fn points_with_tree(&self, name: &str) -> Result<(Snapshot, Arc<SpaceState>), Error> {
         loop {
             let snapshot = self.store().read()?;
-            let state = self.state(&snapshot, name)?;
-            if state.revision == snapshot.revision() {
-                return Ok((snapshot, self.with_tree(state, name, Method::KdTree, 0)));
+            let state = self.points_in_memory(&snapshot, name, Method::KdTree, &[])?;
+            if state.owner.revision == snapshot.revision() {
+                return Ok((snapshot, state));
             }
         }
     }
