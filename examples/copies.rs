@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::error::Error;
 
 use hlacdb::synth::{Nuisance, Range, Recipe};
-use hlacdb::{Database, Query, ReindexOptions, ingest};
+use hlacdb::{Database, Query, ReindexOptions, TextureId, ingest};
 
 fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
     let folder = tempfile::tempdir()?;
@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
     }
     println!("{found} of {asked} copies find their own family first");
 
-    let families: BTreeMap<u64, Option<String>> =
+    let families: BTreeMap<TextureId, Option<String>> =
         database.textures(&[])?.into_iter().map(|texture| (texture.id, texture.tags.get("family").cloned())).collect();
     let (mut alike, mut other) = (Vec::new(), Vec::new());
     for (id, family) in &families {

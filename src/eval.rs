@@ -11,7 +11,8 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::database::Database;
+use crate::TextureId;
+use crate::database::{Database, TexturePoint};
 use crate::error::{Error, QueryError};
 use crate::progress::Progress;
 use crate::space::Metric;
@@ -82,7 +83,7 @@ pub fn evaluate(
     if k == 0 {
         return Err(QueryError::ZeroK.into());
     }
-    let labels: BTreeMap<u64, String> = database.labels(label)?;
+    let labels: BTreeMap<TextureId, String> = database.labels(label)?;
     if labels.len() < 2 {
         return Err(QueryError::TooFewLabels { key: label.to_owned() }.into());
     }
@@ -93,7 +94,7 @@ pub fn evaluate(
 }
 
 /// Refuses labels by which nothing can be found wrong, or nothing right.
-fn check_classes(key: &str, labels: &BTreeMap<u64, String>) -> Result<(), QueryError> {
+fn check_classes(key: &str, labels: &BTreeMap<TextureId, String>) -> Result<(), QueryError> {
     let mut sizes: BTreeMap<&String, usize> = BTreeMap::new();
     for label in labels.values() {
         *sizes.entry(label).or_default() += 1;
@@ -109,7 +110,7 @@ fn check_classes(key: &str, labels: &BTreeMap<u64, String>) -> Result<(), QueryE
 
 /// A labelled point.
 struct Labelled {
-    id: u64,
+    id: TextureId,
     class: usize,
     point: Vec<f32>,
 }
@@ -126,7 +127,7 @@ struct Ranked {
 fn evaluate_space(
     database: &Database,
     space: &str,
-    labels: &BTreeMap<u64, String>,
+    labels: &BTreeMap<TextureId, String>,
     k: usize,
     progress: &dyn Progress,
 ) -> Result<SpaceMeasures, Error> {
@@ -134,9 +135,10 @@ fn evaluate_space(
     classes.sort_unstable();
     classes.dedup();
     let (metric, points) = database.points_of(space, labels.keys().copied())?;
-    let class = |id: u64| labels.get(&id).and_then(|label| classes.binary_search(&label).ok()).unwrap_or_default();
+    let class =
+        |id: TextureId| labels.get(&id).and_then(|label| classes.binary_search(&label).ok()).unwrap_or_default();
     let points: Vec<Labelled> =
-        points.into_iter().map(|(id, point)| Labelled { id, class: class(id), point }).collect();
+        points.into_iter().map(|TexturePoint { id, point }| Labelled { id, class: class(id), point }).collect();
     let ranked: Vec<Ranked> = points
         .par_iter()
         .filter_map(|query| {
@@ -171,7 +173,7 @@ fn evaluate_space(
 
 /// Ranks all others by (distance, id); `None` where no other has the query's class.
 fn rank(query: &Labelled, points: &[Labelled], metric: Metric, k: usize) -> Option<Ranked> {
-    let mut others: Vec<(f64, u64, usize)> = points
+    let mut others: Vec<(f64, TextureId, usize)> = points
         .iter()
         .filter(|other| other.id != query.id)
         .map(|other| (metric.distance(&query.point, &other.point), other.id, other.class))
@@ -248,7 +250,7 @@ mod tests {
     use super::*;
 
     fn point(id: u64, class: usize, x: f32) -> Labelled {
-        Labelled { id, class, point: vec![x] }
+        Labelled { id: id.into(), class, point: vec![x] }
     }
 
     #[test]
@@ -273,7 +275,8 @@ mod tests {
 
     #[test]
     fn labels_that_measure_nothing_are_refused() {
-        let labels = |values: &[&str]| (1..).zip(values).map(|(id, value)| (id, (*value).to_owned())).collect();
+        let labels =
+            |values: &[&str]| (1_u64..).zip(values).map(|(id, value)| (id.into(), (*value).to_owned())).collect();
         let check = |values: &[&str]| check_classes("kind", &labels(values));
         assert!(matches!(check(&["a", "a"]), Err(QueryError::SingleLabel { textures: 2, .. })));
         assert!(matches!(check(&["a", "b", "c"]), Err(QueryError::UniqueLabels { textures: 3, .. })));

@@ -49,6 +49,8 @@ pub mod serve;
 pub mod space;
 pub mod store;
 pub mod synth;
+mod tags;
+mod texture_id;
 
 /// The examples of the README are compiled and run like any other.
 #[cfg(doctest)]
@@ -60,11 +62,11 @@ struct Readme;
 pub use database::fuzz_list;
 pub use database::{
     Added, Answer, AxisReport, BackupReport, BlockOf, Catalogue, Combine, CompactReport, ContentHash, DEFAULT_SPACE,
-    DUPLICATE_DISTANCE, DamageReport, Database, DriftReport, ExportReport, Hit, IdPoint, ImportReport, Listed, Meta,
+    DUPLICATE_DISTANCE, DamageReport, Database, DriftReport, ExportReport, Hit, ImportReport, Listed, Meta,
     MomentStatistics, NearPair, NuisanceUpdate, OpenOptions, Order, PairExplanation, Prepared, Quarantined, Query,
     ReindexOptions, ReindexReport, RepairOptions, RepairReport, Selection, SettingsReport, SpaceReport,
-    StatisticsReport, TagValues, Texture, TextureMap, TexturesExportReport, TexturesImportReport, UnknownCombine,
-    VerifyReport, arrays,
+    StatisticsReport, TagValues, Texture, TextureMap, TexturePoint, TexturesExportReport, TexturesImportReport,
+    UnknownCombine, VerifyReport, arrays,
 };
 pub use describe::{describe, octant_sums};
 pub use error::{Error, ExampleKind, ExchangeError, Hint, IngestError, MaintenanceError, QueryError, chain};
@@ -72,3 +74,5 @@ pub use hlac;
 pub use hlacdb_volume as volume;
 pub use progress::Progress;
 pub use store::{OpenError, StoreError};
+pub use tags::{ParseTagFilterError, TagEdit, TagFilter};
+pub use texture_id::TextureId;

@@ -227,13 +227,13 @@ pub fn filter(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     let store = STORE.get_or_init(small);
     let filters: Vec<_> = text.lines().filter_map(hlacdb::serve::fuzz::filter).collect();
-    let fits = |(key, value): &(&str, &str)| filters.iter().all(|(k, v)| (k, v) == (&(*key).to_owned(), &(*value).to_owned()));
+    let fits = |(key, value): &(&str, &str)| filters.iter().all(|filter| (filter.key(), filter.value()) == (*key, *value));
     let expected: BTreeSet<u64> = (1..).zip(TAGS).filter(|(_, tag)| fits(tag)).map(|(id, _)| id).collect();
     let listed = store.textures(&filters).expect("a filter only finds or finds nothing");
-    assert_eq!(listed.iter().map(|texture| texture.id).collect::<BTreeSet<_>>(), expected, "{filters:?}");
-    let query = filters.iter().fold(Query::texture(1).k(TAGS.len()), |query, (key, value)| query.filter(key, value));
+    assert_eq!(listed.iter().map(|texture| texture.id.get()).collect::<BTreeSet<_>>(), expected, "{filters:?}");
+    let query = Query::texture(1).k(TAGS.len()).filters(filters.iter().cloned());
     let answer = store.query(&query).expect("a filter only finds or finds nothing");
-    assert_eq!(answer.hits.iter().map(|hit| hit.id).collect::<BTreeSet<_>>(), expected, "{filters:?}");
+    assert_eq!(answer.hits.iter().map(|hit| hit.id.get()).collect::<BTreeSet<_>>(), expected, "{filters:?}");
 }
 
 /// Requests to the server, each as its text: any answer will do but the server's own failure, or a path of this machine.

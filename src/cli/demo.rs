@@ -100,7 +100,8 @@ impl Demo {
     /// Three queries of either class, as the paper's Figures 6a to 6c.
     fn draw(&self, database: &Database) -> Result<Vec<String>, Failure> {
         let labels = database.labels("class")?;
-        let of_class = |class: &str| labels.iter().filter(|(_, label)| *label == class).map(|(&id, _)| id).collect();
+        let of_class =
+            |class: &str| labels.iter().filter(|(_, label)| *label == class).map(|(&id, _)| id.get()).collect();
         let (a, b): (Vec<u64>, Vec<u64>) = (of_class("a"), of_class("b"));
         let chosen = [a.first(), b.first(), b.get(b.len() / 2)];
         let mut sheets = Vec::new();

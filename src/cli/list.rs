@@ -1,6 +1,7 @@
 //! `hlacdb list`.
 
 use clap::Args;
+use hlacdb::TagFilter;
 use serde::Serialize;
 
 use super::table::{Align, Table, shape, tags};
@@ -30,12 +31,17 @@ struct Row {
 impl List {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_read()?;
-        let filters: Vec<(String, String)> = self.filters.into_iter().map(KeyValue::into_pair).collect();
+        let filters: Vec<TagFilter> = self.filters.into_iter().map(KeyValue::into_filter).collect();
         let textures = database.textures(&filters)?;
         if context.json {
             let rows: Vec<Row> = textures
                 .into_iter()
-                .map(|texture| Row { id: texture.id, name: texture.name, shape: texture.shape, tags: texture.tags })
+                .map(|texture| Row {
+                    id: texture.id.get(),
+                    name: texture.name,
+                    shape: texture.shape,
+                    tags: texture.tags,
+                })
                 .collect();
             context.print_json(&serde_json::json!({ "textures": rows }))?;
             return Ok(Outcome::Done);

@@ -153,11 +153,7 @@ impl Query {
         if self.exclude_self {
             question = question.exclude_self();
         }
-        for filter in &self.filters {
-            let (key, value) = filter.clone().into_pair();
-            question = question.filter(key, value);
-        }
-        question
+        question.filters(self.filters.iter().cloned().map(KeyValue::into_filter))
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::str::FromStr;
 
 use clap::Args;
+use hlacdb::{TagEdit, TagFilter};
 
 use super::table::one_line;
 use super::values::whole;
@@ -17,8 +18,9 @@ pub(crate) struct KeyValue {
 }
 
 impl KeyValue {
-    pub(crate) fn into_pair(self) -> (String, String) {
-        (self.key, self.value)
+    /// The textures that have this tag.
+    pub(crate) fn into_filter(self) -> TagFilter {
+        TagFilter::equals(self.key, self.value)
     }
 }
 
@@ -73,13 +75,14 @@ impl Tag {
         if tags.is_empty() && self.unset.is_empty() {
             return Err(Failure::Usage("nothing to set or take off: name a KEY=VALUE, or --unset KEY".into()));
         }
-        let set: Vec<(String, String)> = one_value_each(tags)?.into_iter().collect();
+        let set = one_value_each(tags)?.into_iter().fold(TagEdit::new(), |edit, (key, value)| edit.set(key, value));
+        let edit = self.unset.iter().fold(set, TagEdit::unset);
         let database = context.open_to_write()?;
         // All of them or none: an id that is not there changes nothing.
         ids.iter().try_for_each(|&id| database.texture(id).map(drop))?;
         let mut changed = Vec::with_capacity(ids.len());
         for id in ids {
-            let texture = database.tag(id, &set, &self.unset)?;
+            let texture = database.tag(id, &edit)?;
             let line = format!("{} {}: {}", texture.id, texture.name, super::table::tags(&texture.tags));
             changed.push(serde_json::json!({ "id": texture.id, "tags": texture.tags }));
             if !context.json {
@@ -129,7 +132,8 @@ mod tests {
 
     #[test]
     fn a_value_may_hold_an_equals_sign_but_no_side_may_be_empty() {
-        assert_eq!("a=b=c".parse::<KeyValue>().unwrap().into_pair(), ("a".to_owned(), "b=c".to_owned()));
+        let pair = "a=b=c".parse::<KeyValue>().unwrap();
+        assert_eq!((pair.key.as_str(), pair.value.as_str()), ("a", "b=c"));
         for bad in ["a", "=b", "a=", ""] {
             assert!(bad.parse::<KeyValue>().is_err(), "{bad}");
         }

@@ -14,13 +14,15 @@ use super::texture::ContentHash;
 use crate::error::Error;
 use crate::store::{Reads, Record, Snapshot, StoreError};
 use crate::volume::{Shape, natural_cmp};
+use crate::{TagFilter, TextureId};
 
 /// A texture as a list shows it.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "serve", derive(utoipa::ToSchema))]
 pub struct Listed {
     /// Its id.
-    pub id: u64,
+    #[cfg_attr(feature = "serve", schema(value_type = u64))]
+    pub id: TextureId,
     /// Its name.
     pub name: Box<str>,
     /// Axis lengths (Z, Y, X); `None` where only moments were imported.
@@ -75,8 +77,8 @@ pub enum Order {
 /// Which textures of a catalogue, and in which order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
-    /// Key and value of tags that must all be carried.
-    pub filters: Vec<(String, String)>,
+    /// Conditions that must all hold.
+    pub filters: Vec<TagFilter>,
     /// A part of the name or of a tag's value, in upper or lower case; everything where it is empty.
     pub text: String,
     /// By what the list is ordered.
@@ -137,7 +139,8 @@ impl Catalogue {
     }
 
     /// One texture.
-    pub fn get(&self, id: u64) -> Option<&Listed> {
+    pub fn get(&self, id: impl Into<TextureId>) -> Option<&Listed> {
+        let id = id.into();
         let place = self.textures.binary_search_by_key(&id, |texture| texture.id).ok()?;
         self.textures.get(place)
     }
@@ -173,7 +176,7 @@ impl Catalogue {
     fn find(&self, selection: &Selection) -> Vec<u32> {
         let text = selection.text.trim().to_lowercase();
         let wanted = |texture: &Listed| {
-            selection.filters.iter().all(|(key, value)| texture.tag(key) == Some(value))
+            selection.filters.iter().all(|filter| texture.tag(filter.key()) == Some(filter.value()))
                 && (text.is_empty() || texture.contains(&text))
         };
         let mut found: Vec<(u32, &Listed)> = (0..).zip(&self.textures).filter(|(_, texture)| wanted(texture)).collect();
@@ -233,7 +236,7 @@ impl Words {
         let tags = record.tags.iter().map(|(key, value)| (self.shared(key), self.shared(value))).collect();
         let content = record.content.as_ref();
         Listed {
-            id: record.id,
+            id: record.id.into(),
             shape: content.and_then(|content| content.volume_shape()),
             channels: content.map_or(0, |content| content.channels),
             tags,

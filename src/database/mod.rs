@@ -42,7 +42,7 @@ pub use maintain::backup::BackupReport;
 pub use maintain::repair::{RepairOptions, RepairReport};
 pub use maintain::verify::{CompactReport, DamageReport, VerifyReport};
 pub use open::OpenOptions;
-pub use points::state::IdPoint;
+pub use points::state::TexturePoint;
 pub use quarantine::Quarantined;
 pub use scheme::DEFAULT_SPACE;
 pub use search::pairs::{DUPLICATE_DISTANCE, NearPair};

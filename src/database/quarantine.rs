@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 
 use super::handle::Database;
+use crate::TextureId;
 use crate::error::Error;
 use crate::store::{DESCRIPTOR_ROWS, Damage, Reads, StoreError, Transaction};
 
@@ -21,7 +22,7 @@ const VOXELS: &str = "voxels";
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Quarantined {
     /// The texture.
-    pub id: u64,
+    pub id: TextureId,
     /// What is lost.
     pub what: String,
     /// True where it is left out of answers; one that has lost its voxels alone is still found.
@@ -47,7 +48,7 @@ pub(crate) fn listed(state: &impl Reads) -> Result<Vec<Quarantined>, Error> {
             Ok(_) => {}
             Err(StoreError::Damage(damage)) => {
                 if let Some(id) = damage.texture() {
-                    found.insert(id, Quarantined { id, what: damage.to_string(), left_out: true });
+                    found.insert(id, Quarantined { id: id.into(), what: damage.to_string(), left_out: true });
                 }
             }
             Err(error) => return Err(error.into()),
@@ -56,7 +57,7 @@ pub(crate) fn listed(state: &impl Reads) -> Result<Vec<Quarantined>, Error> {
     for (id, what) in noted(state) {
         if !found.contains_key(&id) && state.record(id)?.is_some() {
             let left_out = what == MOMENTS;
-            found.insert(id, Quarantined { id, what: format!("its {what} are lost"), left_out });
+            found.insert(id, Quarantined { id: id.into(), what: format!("its {what} are lost"), left_out });
         }
     }
     Ok(found.into_values().collect())
@@ -72,7 +73,7 @@ pub(crate) fn of_block(
     let first = block as usize * DESCRIPTOR_ROWS;
     for (_, id) in state.rows()?.live().filter(|(row, _)| (first..first + DESCRIPTOR_ROWS).contains(row)) {
         if !found.iter().any(|known| known.id == id) {
-            found.push(Quarantined { id, what: damage.to_string(), left_out: false });
+            found.push(Quarantined { id: id.into(), what: damage.to_string(), left_out: false });
         }
     }
     found.sort_by_key(|known| known.id);

@@ -11,6 +11,7 @@ use super::handle::{Database, held};
 use crate::error::Error;
 use crate::store::{Cut, NewTexture, Provenance, Reads, Record, RecordedMapping, Snapshot, StoreError, path_bytes};
 use crate::volume::{Shape, VolumeSource, display_path};
+use crate::{TagFilter, TextureId};
 
 /// The place of a texture that was cut out of a larger volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -119,8 +120,8 @@ impl Serialize for ContentHash {
 /// A texture: what is known of it besides its numbers.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Texture {
-    /// Its id: from 1, in input order, never given again.
-    pub id: u64,
+    /// Its id.
+    pub id: TextureId,
     /// Its name.
     pub name: String,
     /// Axis lengths (Z, Y, X); `None` where only moments were imported.
@@ -150,7 +151,7 @@ impl From<Record> for Texture {
     fn from(record: Record) -> Self {
         let narrow = |shape: [u64; 3]| shape.map(|side| usize::try_from(side).unwrap_or(usize::MAX));
         Self {
-            id: record.id,
+            id: record.id.into(),
             shape: record.content.as_ref().map(|content| narrow(content.shape)),
             channels: record.content.as_ref().map_or(0, |content| content.channels),
             content: record.content.as_ref().map(|content| ContentHash(content.hash)),
@@ -167,18 +168,14 @@ impl From<Record> for Texture {
 /// The textures that a filter let through at a revision of the store.
 pub(crate) struct Filtered {
     revision: u64,
-    filters: Vec<(String, String)>,
+    filters: Vec<TagFilter>,
     ids: Arc<Vec<u64>>,
 }
 
 impl Database {
     /// The ids, ascending, of the textures that carry all of these tags; `None` where no tag is asked for. What the last
     /// filter gave is kept: queries often come in rows.
-    pub(crate) fn tagged(
-        &self,
-        snapshot: &Snapshot,
-        filters: &[(String, String)],
-    ) -> Result<Option<Arc<Vec<u64>>>, Error> {
+    pub(crate) fn tagged(&self, snapshot: &Snapshot, filters: &[TagFilter]) -> Result<Option<Arc<Vec<u64>>>, Error> {
         if filters.is_empty() {
             return Ok(None);
         }
@@ -194,9 +191,10 @@ impl Database {
 }
 
 /// The ids, ascending, of the textures that carry all of these tags; `None` where no tag is asked for.
-pub(crate) fn tagged_with_all(state: &impl Reads, filters: &[(String, String)]) -> Result<Option<Vec<u64>>, Error> {
+pub(crate) fn tagged_with_all(state: &impl Reads, filters: &[TagFilter]) -> Result<Option<Vec<u64>>, Error> {
     let mut allowed: Option<Vec<u64>> = None;
-    for (key, value) in filters {
+    for filter in filters {
+        let (key, value) = (filter.key(), filter.value());
         let ids = match state.tagged(key, value) {
             Err(StoreError::Damage(damage)) => {
                 tracing::warn!("{damage}: the tags are read from the records, one by one");

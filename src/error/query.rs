@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::TextureId;
 use crate::hlac::View;
 use crate::index::IndexError;
 
@@ -77,7 +78,7 @@ pub enum QueryError {
 #[non_exhaustive]
 pub enum ExampleKind {
     /// The stored texture of this id.
-    Texture(u64),
+    Texture(TextureId),
     /// A volume.
     Volume,
     /// A descriptor that the caller gave.

@@ -18,6 +18,7 @@ use serde::Serialize;
 
 pub use confined::confined;
 
+use crate::TextureId;
 use crate::database::{Added, BlockOf, Database, Meta, Prepared};
 use crate::error::{Error, IngestError, chain};
 use crate::progress::Progress;
@@ -80,7 +81,7 @@ pub enum Status {
 #[derive(Debug, Serialize)]
 pub struct Event {
     /// The texture's id, `None` where it failed.
-    pub id: Option<u64>,
+    pub id: Option<TextureId>,
     /// The file or folder it came from; for a synthetic texture, its name.
     #[serde(serialize_with = "as_shown")]
     pub path: PathBuf,
@@ -129,7 +130,7 @@ pub struct Report {
     #[serde(skip_serializing_if = "is_none")]
     pub left_over: u64,
     /// The ids of all textures given, in input order, those that were there already included.
-    pub ids: Vec<u64>,
+    pub ids: Vec<TextureId>,
     /// True where the caller stopped it: what is reported as added is safe, the rest was not begun.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub cancelled: bool,

@@ -120,10 +120,11 @@ pub(crate) fn reading(app: &App) -> ReadOptions {
 
 /// `KEY=VALUE` with neither side empty.
 fn tag(text: &str) -> Result<(String, String), Problem> {
-    match parse_filter(text)? {
-        (_, value) if value.is_empty() => Err(Problem::bad_request(format!("'{}' has no value", text.escape_debug()))),
-        pair => Ok(pair),
+    let pair = parse_filter(text)?;
+    if pair.value().is_empty() {
+        return Err(Problem::bad_request(format!("'{}' has no value", text.escape_debug())));
     }
+    Ok((pair.key().to_owned(), pair.value().to_owned()))
 }
 
 pub(crate) fn tags(tags: BTreeMap<String, String>) -> Result<BTreeMap<String, String>, Problem> {

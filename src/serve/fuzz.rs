@@ -89,6 +89,6 @@ fn line_of_head(text: &[u8]) -> (&[u8], &[u8]) {
 }
 
 /// `KEY=VALUE` as the server reads it; `None` where it refuses it.
-pub fn filter(text: &str) -> Option<(String, String)> {
+pub fn filter(text: &str) -> Option<crate::TagFilter> {
     textures::parse_filter(text).ok()
 }

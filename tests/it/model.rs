@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use hlacdb::index::Method;
 use hlacdb::volume::Volume;
-use hlacdb::{Added, Database, Error, Meta, Query, QueryError, ReindexOptions};
+use hlacdb::{Added, Database, Error, Meta, Query, QueryError, ReindexOptions, TagEdit};
 use proptest::prelude::*;
 
 /// One step of a history. Numbers are reduced to what there is when the step is taken.
@@ -80,7 +80,7 @@ impl Run {
             },
             Step::Tag { which, value } => {
                 if let Some(id) = self.pick(which) {
-                    let texture = self.database().tag(id, &[("t".into(), value.to_string())], &[]).unwrap();
+                    let texture = self.database().tag(id, &TagEdit::new().set("t", value.to_string())).unwrap();
                     assert_eq!(texture.tags["t"], value.to_string());
                     self.model.get_mut(&id).unwrap().tag = Some(value);
                 }
@@ -103,9 +103,9 @@ impl Run {
         let there = self.model.iter().find(|(_, known)| known.number == number).map(|(&id, _)| id);
         let added = self.database().add(&texture(number), Meta::named(format!("n{number}"))).unwrap();
         match there {
-            Some(id) => assert_eq!(added, Added::Duplicate(id)),
+            Some(id) => assert_eq!(added, Added::Duplicate(id.into())),
             None => {
-                assert_eq!(added, Added::New(self.last_id + 1), "ids ascend and are never used again");
+                assert_eq!(added, Added::New((self.last_id + 1).into()), "ids ascend and are never used again");
                 self.last_id += 1;
                 self.model.insert(self.last_id, Known { number, tag: None });
             }
@@ -127,9 +127,13 @@ impl Run {
             assert_eq!(all.len(), self.model.len());
             assert!(all.windows(2).all(|w| (w[0].distance, w[0].id) < (w[1].distance, w[1].id)));
             let allowed = |id: u64| filter.is_none() || self.model[&id].tag == filter;
-            let expected: Vec<(u64, f64)> =
-                all.iter().filter(|hit| allowed(hit.id)).take(k).map(|hit| (hit.id, hit.distance)).collect();
-            let found: Vec<(u64, f64)> = linear.hits.iter().map(|hit| (hit.id, hit.distance)).collect();
+            let expected: Vec<(u64, f64)> = all
+                .iter()
+                .filter(|hit| allowed(hit.id.get()))
+                .take(k)
+                .map(|hit| (hit.id.get(), hit.distance))
+                .collect();
+            let found: Vec<(u64, f64)> = linear.hits.iter().map(|hit| (hit.id.get(), hit.distance)).collect();
             assert_eq!(found, expected);
             if let Some((&id, _)) = self.model.iter().find(|(_, known)| known.number == number) {
                 assert!(all.iter().any(|hit| hit.id == id && hit.distance == 0.0), "a texture is nearest to itself");
@@ -143,7 +147,7 @@ impl Run {
             .into_iter()
             .map(|texture| {
                 let number = texture.name[1..].parse().unwrap();
-                (texture.id, Known { number, tag: texture.tags.get("t").map(|value| value.parse().unwrap()) })
+                (texture.id.get(), Known { number, tag: texture.tags.get("t").map(|value| value.parse().unwrap()) })
             })
             .collect();
         assert_eq!(found, self.model);
@@ -198,7 +202,8 @@ fn removing_leaves_no_trace_in_the_statistics() {
         plain.add(&texture(n), Meta::named("t")).unwrap();
         visited.add(&texture(n), Meta::named("t")).unwrap();
     }
-    let guests: Vec<u64> = (10..14).map(|n| visited.add(&texture(n), Meta::named("guest")).unwrap().id()).collect();
+    let guests: Vec<u64> =
+        (10..14).map(|n| visited.add(&texture(n), Meta::named("guest")).unwrap().id().get()).collect();
     visited.remove(&guests).unwrap();
     assert_eq!(plain.covariance().unwrap(), visited.covariance().unwrap());
     let of = |database: &Database| database.statistics().unwrap().statistics;
@@ -207,7 +212,7 @@ fn removing_leaves_no_trace_in_the_statistics() {
         database.reindex(&ReindexOptions::default(), &()).unwrap();
     }
     let hits = |database: &Database| -> Vec<(u64, f64)> {
-        database.query(&Query::texture(2)).unwrap().hits.iter().map(|hit| (hit.id, hit.distance)).collect()
+        database.query(&Query::texture(2)).unwrap().hits.iter().map(|hit| (hit.id.get(), hit.distance)).collect()
     };
     assert_eq!(hits(&plain), hits(&visited));
 }
@@ -232,7 +237,7 @@ fn queries_beside_an_ingest_see_whole_states() {
                 while !done.load(Ordering::SeqCst) {
                     let hits = database.query(&Query::texture(1).k(100)).unwrap().hits;
                     assert!(hits.len() >= seen && hits[0].id == 1);
-                    let mut ids: Vec<u64> = hits.iter().map(|hit| hit.id).collect();
+                    let mut ids: Vec<u64> = hits.iter().map(|hit| hit.id.get()).collect();
                     ids.sort_unstable();
                     assert_eq!(ids, (1..=hits.len() as u64).collect::<Vec<_>>());
                     seen = hits.len();

@@ -30,7 +30,7 @@ fn a_space_of_ones_own_answers_like_the_others_and_outlives_the_process() {
     assert_eq!((added.textures_at_fit(), added.dims()), (16, 12));
     let ask = |database: &Database| database.query(&Query::texture(3).k(5).space("fine")).unwrap().hits;
     let hits = ask(&database);
-    assert_eq!((hits.len(), hits[0].id, hits[0].distance), (5, 3, 0.0));
+    assert_eq!((hits.len(), hits[0].id.get(), hits[0].distance), (5, 3, 0.0));
     drop(database);
 
     let database = Database::open(folder.path().join("own.hlacdb")).unwrap();

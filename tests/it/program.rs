@@ -454,7 +454,7 @@ fn a_second_writer_is_refused_and_readers_go_on() {
     let said = place.refused(1, &["tag", "1", "a=b"]);
     assert!(said.contains("open for writing") && said.contains("--read-only"), "{said}");
     assert_eq!(place.json(&["list"])["textures"].as_array().unwrap().len(), 8);
-    holder.tag(1, &[("a".into(), "b".into())], &[]).unwrap();
+    holder.tag(1, &hlacdb::TagEdit::new().set("a", "b")).unwrap();
     assert_eq!(place.json(&["show", "1"])["tags"]["a"], "b", "readers follow the writer's commits");
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use hlacdb::hlac::{MASK_COUNT, View};
 use hlacdb::index::Method;
 use hlacdb::store::Volumes;
-use hlacdb::{Answer, Combine, Database, Error, ExchangeError, OpenOptions, Query, QueryError, arrays};
+use hlacdb::{Answer, Combine, Database, Error, ExchangeError, OpenOptions, Query, QueryError, TagEdit, arrays};
 use proptest::prelude::*;
 
 type Moments = [f32; MASK_COUNT];
@@ -32,17 +32,18 @@ fn import(database: &Database, folder: &Path, rows: &[Moments], tag: &str) -> Ve
     arrays::write_npy(&array, &[rows.len(), MASK_COUNT], rows.as_flattened()).unwrap();
     let tags = BTreeMap::from([("t".to_owned(), tag.to_owned())]);
     let report = database.import(&array, &[View::Full], None, &tags, &()).unwrap();
-    report.ids.map_or(Vec::new(), |(first, last)| (first..=last).collect())
+    report.ids.map_or(Vec::new(), |(first, last)| (first.get()..=last.get()).collect())
 }
 
 fn bits(answer: &Answer) -> Vec<(u64, u64)> {
-    answer.hits.iter().map(|hit| (hit.id, hit.distance.to_bits())).collect()
+    answer.hits.iter().map(|hit| (hit.id.get(), hit.distance.to_bits())).collect()
 }
 
 /// The answer by sorting everything.
 fn brute(database: &Database, ids: &BTreeSet<u64>, query: &Asked, point: &[f32]) -> Vec<(u64, u64)> {
     let (metric, points) = database.points_of(query.space, ids.iter().copied()).unwrap();
-    let mut all: Vec<(f64, u64)> = points.iter().map(|(id, other)| (metric.distance(point, other), *id)).collect();
+    let mut all: Vec<(f64, u64)> =
+        points.iter().map(|other| (metric.distance(point, &other.point), other.id.get())).collect();
     all.retain(|(distance, _)| query.within.is_none_or(|within| *distance <= within));
     all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     all.truncate(query.k);
@@ -100,7 +101,7 @@ proptest! {
         let live: BTreeSet<u64> = all.iter().copied().filter(|id| !removed.contains(id)).collect();
         let id = *from.get(&live.iter().copied().collect::<Vec<_>>());
         for space in ["default", "paper"] {
-            let point = writer.points_of(space, [id]).unwrap().1.remove(0).1;
+            let point = writer.points_of(space, [id]).unwrap().1.remove(0).point;
             let far = writer.query(&Query::texture(id).k(1 + live.len() / 3).space(space)).unwrap();
             let radius = far.hits.last().map(|hit| hit.distance);
             for (within, tag) in [(None, None), (radius, None), (Some(0.0), None), (None, Some("b")), (radius, Some("a"))] {
@@ -130,7 +131,7 @@ fn many_rows_are_answered_from_the_file() {
     let writer = open(&path, &[View::Full]);
     let rows: Vec<Moments> = (0..9000_u32).map(|n| moments((n % 6) as u8, (n * 7 % 251) as u8)).collect();
     import(&writer, folder.path(), &rows, "a");
-    writer.tag(8999, &[("rare".into(), "yes".into())], &[]).unwrap();
+    writer.tag(8999, &TagEdit::new().set("rare", "yes")).unwrap();
     for query in
         [Query::texture(4711).k(25), Query::texture(3).k(40).exclude_self(), Query::texture(9).filter("rare", "yes")]
     {
@@ -191,23 +192,24 @@ fn several_examples_mean_their_mean_or_any_of_them() {
     let rows: Vec<Moments> = (0..60).map(|n| moments(n % 6, 10 + n / 6)).collect();
     import(&database, folder.path(), &rows, "a");
     let all = |id| database.query(&Query::texture(id).k(100)).unwrap().hits;
-    let distances = |id| -> BTreeMap<u64, f64> { all(id).into_iter().map(|hit| (hit.id, hit.distance)).collect() };
+    let distances =
+        |id| -> BTreeMap<u64, f64> { all(id).into_iter().map(|hit| (hit.id.get(), hit.distance)).collect() };
     let (one, other) = (distances(1), distances(2));
     let mut expected: Vec<(f64, u64)> =
         one.iter().map(|(id, distance)| (distance.min(other[id]), *id)).filter(|(_, id)| *id > 2).collect();
     expected.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let any = database.query(&Query::textures(&[1, 2]).combine(Combine::Min).k(20).exclude_self()).unwrap();
-    let found: Vec<(f64, u64)> = any.hits.iter().map(|hit| (hit.distance, hit.id)).collect();
+    let found: Vec<(f64, u64)> = any.hits.iter().map(|hit| (hit.distance, hit.id.get())).collect();
     assert_eq!(found, expected[..20]);
 
     let (metric, points) = database.points_of("default", [1, 2, 9]).unwrap();
-    let mean: Vec<f32> = (0..points[0].1.len())
-        .map(|at| ((f64::from(points[0].1[at]) + f64::from(points[1].1[at])) / 2.0) as f32)
+    let mean: Vec<f32> = (0..points[0].point.len())
+        .map(|at| ((f64::from(points[0].point[at]) + f64::from(points[1].point[at])) / 2.0) as f32)
         .collect();
     let both = database.query(&Query::texture(1).and_texture(2).k(100)).unwrap();
     let nine = both.hits.iter().find(|hit| hit.id == 9).unwrap();
-    assert_eq!(nine.distance, metric.distance(&mean, &points[2].1));
-    assert!(matches!(database.query(&Query::textures(&[])), Err(Error::Query(QueryError::NoExample))));
+    assert_eq!(nine.distance, metric.distance(&mean, &points[2].point));
+    assert!(matches!(database.query(&Query::textures([0_u64; 0])), Err(Error::Query(QueryError::NoExample))));
 }
 
 #[test]
@@ -231,7 +233,7 @@ fn a_distance_alone_has_no_ceiling_and_a_slip_of_the_pen_is_told() {
     // Twenty lie at each of two places: every pair of equal ones is found once.
     let pairs = database.near_pairs(None, Some(0.0)).unwrap();
     assert_eq!(pairs.len(), 2 * (20 * 19 / 2));
-    assert_eq!((pairs[0].first, pairs[0].second, pairs[0].first_name.as_str()), (1, 3, "rows-000000"));
+    assert_eq!((pairs[0].first.get(), pairs[0].second.get(), pairs[0].first_name.as_str()), (1, 3, "rows-000000"));
     assert!(matches!(database.near_pairs(None, Some(f64::NAN)), Err(Error::Query(QueryError::Distance { .. }))));
 }
 
@@ -252,7 +254,7 @@ fn the_graph_is_everybodys_answer() {
     let answer = database.query(&Query::texture(4).exclude_self()).unwrap();
     let third: Vec<(i64, f64)> = ids.into_iter().zip(distances).skip(2 * 8).take(8).collect();
     for (hit, (id, distance)) in answer.hits.iter().zip(&third) {
-        assert_eq!((hit.id as i64, hit.distance), (*id, *distance));
+        assert_eq!((hit.id.get() as i64, hit.distance), (*id, *distance));
     }
     assert!(third[5].0 == -1 && third[5].1.is_nan());
     assert!(matches!(database.export(&out, Some(0), &()), Err(Error::Query(QueryError::ZeroK))));

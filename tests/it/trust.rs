@@ -48,7 +48,7 @@ pub(crate) fn filled(folder: &Path, textures: u64, side: usize) -> PathBuf {
 #[derive(Debug, PartialEq)]
 pub(crate) struct Told {
     textures: Vec<hlacdb::Texture>,
-    tagged: BTreeMap<u64, String>,
+    tagged: BTreeMap<hlacdb::TextureId, String>,
     sums: Vec<Option<hlacdb::hlac::Sums>>,
     covariance: Vec<f64>,
     hits: Vec<Vec<(u64, f64)>>,
@@ -57,10 +57,10 @@ pub(crate) struct Told {
 pub(crate) fn told(path: &Path) -> Told {
     let database = Database::open(path).unwrap();
     let textures = database.textures(&[]).unwrap();
-    let ids: Vec<u64> = textures.iter().map(|texture| texture.id).collect();
+    let ids: Vec<u64> = textures.iter().map(|texture| texture.id.get()).collect();
     let ask = |id: u64| {
         let answer = database.query(&Query::texture(id).k(ids.len())).unwrap();
-        answer.hits.iter().map(|hit| (hit.id, hit.distance)).collect()
+        answer.hits.iter().map(|hit| (hit.id.get(), hit.distance)).collect()
     };
     Told {
         tagged: database.labels("third").unwrap(),

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::TextureId;
 use crate::database::exchange::arrays::{MomentRows, NpyRows};
 use crate::database::handle::Database;
 use crate::database::points::stored::BlockMoments;
@@ -33,7 +34,7 @@ pub struct ImportReport {
     /// Textures added.
     pub added: u64,
     /// The first and the last id, where any was added.
-    pub ids: Option<(u64, u64)>,
+    pub ids: Option<(TextureId, TextureId)>,
 }
 
 /// So many rows are added in one transaction.
@@ -130,7 +131,7 @@ impl Database {
             let ids = self.add_described(batch)?;
             report.added += ids.len() as u64;
             if let (Some(&first), Some(&last)) = (ids.first(), ids.last()) {
-                report.ids = Some((report.ids.map_or(first, |(first, _)| first), last));
+                report.ids = Some((report.ids.map_or(first.into(), |(first, _)| first), last.into()));
             }
             progress.advance(ids.len() as u64);
         }

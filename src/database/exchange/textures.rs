@@ -14,6 +14,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::arrays;
+use crate::TextureId;
 use crate::database::handle::Database;
 use crate::database::points::descriptors::descriptor;
 use crate::database::scheme::Scheme;
@@ -91,7 +92,7 @@ pub struct TexturesExportReport {
     /// Of these, with voxels.
     pub with_voxels: u64,
     /// Textures that are damaged and were left out.
-    pub damaged: Vec<u64>,
+    pub damaged: Vec<TextureId>,
     /// The folder or file.
     pub file: String,
 }
@@ -104,7 +105,7 @@ pub struct TexturesImportReport {
     /// Textures whose content was in the store already.
     pub duplicates: u64,
     /// The ids of all of them, in the order of the list.
-    pub ids: Vec<u64>,
+    pub ids: Vec<TextureId>,
 }
 
 /// Where an export goes.
@@ -174,7 +175,7 @@ impl Database {
                 return Err(Error::Cancelled);
             }
             progress.advance(1);
-            if report.damaged.contains(&id) {
+            if report.damaged.contains(&id.into()) {
                 continue;
             }
             report.textures += 1;
@@ -237,13 +238,16 @@ fn array_name(folder: &str, id: u64) -> String {
 }
 
 /// The lines of the list, heading first. Damaged textures are left out and noted.
-fn lines<'a>(snapshot: &'a Snapshot, damaged: &'a mut Vec<u64>) -> impl Iterator<Item = Result<Vec<u8>, Error>> + 'a {
+fn lines<'a>(
+    snapshot: &'a Snapshot,
+    damaged: &'a mut Vec<TextureId>,
+) -> impl Iterator<Item = Result<Vec<u8>, Error>> + 'a {
     let heading = to_line(&Heading { format: FORMAT.into(), version: VERSION });
     let ids: Vec<u64> = snapshot.rows().map(|rows| rows.live().map(|(_, id)| id).collect()).unwrap_or_default();
     std::iter::once(heading).chain(ids.into_iter().filter_map(move |id| match line_of(snapshot, id) {
         Err(Error::Store(StoreError::Damage(damage))) => {
             tracing::warn!("{damage}: texture {id} is left out of the export");
-            damaged.push(id);
+            damaged.push(id.into());
             None
         }
         Ok(None) => None,
@@ -524,10 +528,10 @@ impl Import<'_> {
                     None => None,
                 };
                 match known {
-                    Some(id) => self.count(Added::Duplicate(id)),
+                    Some(id) => self.count(Added::Duplicate(id.into())),
                     None => {
                         for id in self.database.add_described(vec![texture])? {
-                            self.count(Added::New(id));
+                            self.count(Added::New(id.into()));
                         }
                     }
                 }

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::TextureId;
 use crate::database::handle::Database;
 use crate::database::points::descriptors::{features, known_descriptor};
 use crate::database::scheme::{DEFAULT_SPACE, Scheme};
@@ -13,9 +14,9 @@ use crate::volume::Volume;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PairExplanation {
     /// The one texture.
-    pub a: u64,
+    pub a: TextureId,
     /// The other.
-    pub b: u64,
+    pub b: TextureId,
     /// The space the distance is in.
     pub space: String,
     /// Which fit of the space.
@@ -32,12 +33,19 @@ impl Database {
     /// # Errors
     /// [`QueryError::NoSuchSpace`](crate::QueryError::NoSuchSpace); [`crate::store::StoreError::NoSuchTexture`], in [`Error::Store`];
     /// [`QueryError::MissingViews`](crate::QueryError::MissingViews) where one of them has none of the views that the space looks at.
-    pub fn explain(&self, a: u64, b: u64, space: Option<&str>) -> Result<PairExplanation, Error> {
+    pub fn explain(
+        &self,
+        a: impl Into<TextureId>,
+        b: impl Into<TextureId>,
+        space: Option<&str>,
+    ) -> Result<PairExplanation, Error> {
+        let (a, b) = (a.into(), b.into());
         let snapshot = self.store().read()?;
         let name = space.unwrap_or(DEFAULT_SPACE);
         let state = self.state(&snapshot, name)?;
         let space = &state.owner.space;
-        let features_of = |id| features(space, &known_descriptor(&snapshot, id)?, ExampleKind::Texture(id));
+        let features_of =
+            |id: TextureId| features(space, &known_descriptor(&snapshot, id.get())?, ExampleKind::Texture(id));
         let explanation = space.explain(&features_of(a)?, &features_of(b)?)?;
         Ok(PairExplanation { a, b, space: name.to_owned(), epoch: space.epoch(), explanation })
     }

@@ -49,9 +49,9 @@ impl Database {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Meta;
     use crate::database::{Order, Selection};
     use crate::volume::Volume;
+    use crate::{Meta, TagEdit, TagFilter};
 
     fn names(catalogue: &Catalogue, selection: &Selection) -> Vec<String> {
         catalogue.select(selection).iter().map(|&at| catalogue.textures()[at as usize].name.to_string()).collect()
@@ -77,9 +77,9 @@ mod tests {
         let text = |text: &str| Selection { text: text.into(), ..all.clone() };
         assert_eq!(names(&catalogue, &text(" MARB ")), ["s10"]);
         assert_eq!(names(&catalogue, &text("S1")), ["s10"]);
-        let filters = vec![("stone".to_owned(), "granite".to_owned()), ("set".to_owned(), "a".to_owned())];
+        let filters = vec![TagFilter::equals("stone", "granite"), TagFilter::equals("set", "a")];
         assert_eq!(names(&catalogue, &Selection { filters, ..all.clone() }), ["s9"]);
-        let filters = vec![("colour".to_owned(), "red".to_owned())];
+        let filters = vec![TagFilter::equals("colour", "red")];
         assert!(names(&catalogue, &Selection { filters, ..all }).is_empty());
         let tags: Vec<_> = catalogue.tags().iter().map(|tag| (&*tag.key, tag.values.len())).collect();
         assert_eq!(tags, [("set", 1), ("stone", 3)]);
@@ -94,7 +94,7 @@ mod tests {
         let id = database.add(&volume, Meta::named("one")).unwrap().id();
         let first = database.catalogue(0).unwrap();
         assert!(Arc::ptr_eq(&first, &database.catalogue(0).unwrap()));
-        database.tag(id, &[("a".into(), "b".into())], &[]).unwrap();
+        database.tag(id, &TagEdit::new().set("a", "b")).unwrap();
         let second = database.catalogue(database.revision().unwrap()).unwrap();
         assert_eq!((first.get(id).unwrap().tag("a"), second.get(id).unwrap().tag("a")), (None, Some("b")));
         database.remove(&[id]).unwrap();

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::TextureId;
 use crate::database::handle::Database;
 use crate::database::points::state::SpaceState;
 use crate::error::Error;
@@ -22,7 +23,7 @@ pub struct TextureMap {
     /// The shares of the points' variance that the two axes show.
     pub explained: [f64; 2],
     /// The textures, ascending.
-    pub ids: Vec<u64>,
+    pub ids: Vec<TextureId>,
     /// The first coordinate of each.
     pub x: Vec<f32>,
     /// The second coordinate of each.
@@ -56,7 +57,7 @@ fn map_of(space: &str, state: &SpaceState, limit: usize) -> TextureMap {
     let (mut ids, mut x, mut y) = (Vec::new(), Vec::new(), Vec::new());
     for (id, point) in shown {
         let [across, up] = axes.place(point);
-        ids.push(id);
+        ids.push(id.into());
         x.push(across);
         y.push(up);
     }

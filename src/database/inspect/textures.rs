@@ -10,13 +10,15 @@ use crate::hlac::Sums;
 use crate::space::Descriptor;
 use crate::store::{Reads, Record, StoreError};
 use crate::volume::Volume;
+use crate::{TagFilter, TextureId};
 
 impl Database {
     /// One texture.
     ///
     /// # Errors
     /// [`StoreError::NoSuchTexture`], in [`Error::Store`].
-    pub fn texture(&self, id: u64) -> Result<Texture, Error> {
+    pub fn texture(&self, id: impl Into<TextureId>) -> Result<Texture, Error> {
+        let id = id.into().get();
         let record = self.store().read()?.record(id)?;
         Ok(record.ok_or(StoreError::NoSuchTexture { id })?.into())
     }
@@ -26,7 +28,7 @@ impl Database {
     ///
     /// # Errors
     /// [`Error::Store`].
-    pub fn textures(&self, filters: &[(String, String)]) -> Result<Vec<Texture>, Error> {
+    pub fn textures(&self, filters: &[TagFilter]) -> Result<Vec<Texture>, Error> {
         let snapshot = self.store().read()?;
         match tagged_with_all(&snapshot, filters)? {
             None => whole(snapshot.records()),
@@ -38,7 +40,8 @@ impl Database {
     ///
     /// # Errors
     /// [`StoreError::NoSuchTexture`] and [`StoreError::Damage`], in [`Error::Store`].
-    pub fn volume(&self, id: u64) -> Result<Option<Volume>, Error> {
+    pub fn volume(&self, id: impl Into<TextureId>) -> Result<Option<Volume>, Error> {
+        let id = id.into().get();
         let snapshot = self.store().read()?;
         known(&snapshot, id)?;
         Ok(snapshot.voxels(id)?)
@@ -48,7 +51,8 @@ impl Database {
     ///
     /// # Errors
     /// As [`Database::volume`].
-    pub fn sums(&self, id: u64) -> Result<Option<Sums>, Error> {
+    pub fn sums(&self, id: impl Into<TextureId>) -> Result<Option<Sums>, Error> {
+        let id = id.into().get();
         let snapshot = self.store().read()?;
         known(&snapshot, id)?;
         Ok(snapshot.sums(id)?)
@@ -58,19 +62,19 @@ impl Database {
     ///
     /// # Errors
     /// As [`Database::volume`].
-    pub fn descriptor(&self, id: u64) -> Result<Descriptor, Error> {
-        known_descriptor(&self.store().read()?, id)
+    pub fn descriptor(&self, id: impl Into<TextureId>) -> Result<Descriptor, Error> {
+        known_descriptor(&self.store().read()?, id.into().get())
     }
 
     /// The value of a tag of every texture that carries it, by id.
     ///
     /// # Errors
     /// [`Error::Store`].
-    pub fn labels(&self, key: &str) -> Result<BTreeMap<u64, String>, Error> {
+    pub fn labels(&self, key: &str) -> Result<BTreeMap<TextureId, String>, Error> {
         let snapshot = self.store().read()?;
         let mut labels = BTreeMap::new();
         for (value, _) in snapshot.tag_values(key)? {
-            labels.extend(snapshot.tagged(key, &value)?.into_iter().map(|id| (id, value.clone())));
+            labels.extend(snapshot.tagged(key, &value)?.into_iter().map(|id| (id.into(), value.clone())));
         }
         Ok(labels)
     }

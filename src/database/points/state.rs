@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, RwLock};
 
 use super::spaces;
 use super::stored::{StoredPoints, mapped_points};
+use crate::TextureId;
 use crate::database::handle::{Database, held};
 use crate::error::{Error, chain};
 use crate::index::{Index, IndexState, Method, Points, SharedIndex};
@@ -140,8 +141,14 @@ impl SpaceVersion {
     }
 }
 
-/// A texture's id and its point.
-pub type IdPoint = (u64, Vec<f32>);
+/// A texture with its point in a space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TexturePoint {
+    /// The texture.
+    pub id: TextureId,
+    /// The coordinates of its point.
+    pub point: Vec<f32>,
+}
 
 impl Database {
     /// A space with its points at the revision of `snapshot`, or a later one.
@@ -181,9 +188,17 @@ impl Database {
     ///
     /// # Errors
     /// [`QueryError::NoSuchSpace`](crate::QueryError::NoSuchSpace), [`Error::Store`].
-    pub fn points_of(&self, space: &str, ids: impl IntoIterator<Item = u64>) -> Result<(Metric, Vec<IdPoint>), Error> {
+    pub fn points_of(
+        &self,
+        space: &str,
+        ids: impl IntoIterator<Item = impl Into<TextureId>>,
+    ) -> Result<(Metric, Vec<TexturePoint>), Error> {
         let state = self.state(&self.store().read()?, space)?;
-        let points = ids.into_iter().filter_map(|id| Some((id, state.index.points().point(id)?.to_vec())));
+        let points = ids.into_iter().filter_map(|id| {
+            let id = id.into();
+            let point = state.index.points().point(id.get())?.to_vec();
+            Some(TexturePoint { id, point })
+        });
         Ok((state.owner.space.metric(), points.collect()))
     }
 }

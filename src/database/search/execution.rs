@@ -177,7 +177,7 @@ impl<'a> Execution<'a> {
             .enumerate()
             .map(|(at, (hit, record))| Hit {
                 rank: at + 1,
-                id: hit.id,
+                id: hit.id.into(),
                 name: record.name.clone(),
                 distance: hit.distance,
                 tags: record.tags.clone(),
@@ -189,7 +189,8 @@ impl<'a> Execution<'a> {
     fn warnings(&self, query: &Query<'_>, allowed: Option<&[u64]>) -> Result<Vec<String>, Error> {
         let mut warnings = Vec::new();
         if allowed.is_some_and(<[u64]>::is_empty) {
-            for (key, value) in &query.filters {
+            for filter in &query.filters {
+                let (key, value) = (filter.key(), filter.value());
                 if !self.snapshot.has_tag_key(key)? {
                     let known = self.snapshot.tag_keys()?;
                     let known = if known.is_empty() { "there are no tags".into() } else { known.join(", ") };
@@ -219,14 +220,14 @@ impl<'a> Execution<'a> {
         match example {
             Example::Texture(id) => {
                 let kept = match &self.points {
-                    PointSource::Memory(state) => state.index.points().point(*id).map(<[f32]>::to_vec),
-                    PointSource::Disk(space) => from_disk::point(&self.snapshot, query.space_name(), space, *id)?,
+                    PointSource::Memory(state) => state.index.points().point(id.get()).map(<[f32]>::to_vec),
+                    PointSource::Disk(space) => from_disk::point(&self.snapshot, query.space_name(), space, id.get())?,
                 };
                 if let Some(point) = kept {
-                    return Ok((point, Some(*id)));
+                    return Ok((point, Some(id.get())));
                 }
-                let descriptor = known_descriptor(&self.snapshot, *id)?;
-                Ok((self.map(&descriptor, ExampleKind::Texture(*id))?, Some(*id)))
+                let descriptor = known_descriptor(&self.snapshot, id.get())?;
+                Ok((self.map(&descriptor, ExampleKind::Texture(*id))?, Some(id.get())))
             }
             Example::Volume(volume) => {
                 let described = crate::describe(volume, self.space().feature_set().views());

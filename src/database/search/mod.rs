@@ -23,12 +23,13 @@ use crate::error::QueryError;
 use crate::index::Method;
 use crate::space::Descriptor;
 use crate::volume::Volume;
+use crate::{TagFilter, TextureId};
 
 /// What is looked for.
 #[derive(Clone, Debug)]
 enum Example<'a> {
     Volume(&'a Volume),
-    Texture(u64),
+    Texture(TextureId),
     Descriptor(Descriptor),
 }
 
@@ -91,7 +92,7 @@ pub struct Query<'a> {
     combine: Combine,
     k: Option<usize>,
     within: Option<f64>,
-    filters: Vec<(String, String)>,
+    filters: Vec<TagFilter>,
     space: Option<String>,
     index: Method,
     exclude_self: bool,
@@ -141,8 +142,8 @@ impl<'a> Query<'a> {
     }
 
     /// Textures like a stored one.
-    pub fn texture(id: u64) -> Self {
-        Self::new(vec![Example::Texture(id)])
+    pub fn texture(id: impl Into<TextureId>) -> Self {
+        Self::new(vec![Example::Texture(id.into())])
     }
 
     /// Textures like a descriptor: the moments of one or more views.
@@ -151,8 +152,8 @@ impl<'a> Query<'a> {
     }
 
     /// Textures like several stored ones, by [`Combine::Mean`] unless said otherwise.
-    pub fn textures(ids: &[u64]) -> Self {
-        Self::new(ids.iter().map(|&id| Example::Texture(id)).collect())
+    pub fn textures(ids: impl IntoIterator<Item = impl Into<TextureId>>) -> Self {
+        Self::new(ids.into_iter().map(|id| Example::Texture(id.into())).collect())
     }
 
     /// A further example: a volume.
@@ -164,8 +165,8 @@ impl<'a> Query<'a> {
 
     /// A further example: a stored texture.
     #[must_use]
-    pub fn and_texture(mut self, id: u64) -> Self {
-        self.examples.push(Example::Texture(id));
+    pub fn and_texture(mut self, id: impl Into<TextureId>) -> Self {
+        self.examples.push(Example::Texture(id.into()));
         self
     }
 
@@ -193,7 +194,14 @@ impl<'a> Query<'a> {
     /// Only textures that carry this tag; applied before `k`. Several filters must all hold.
     #[must_use]
     pub fn filter(mut self, key: impl Into<String>, value: impl Into<String>) -> Self {
-        self.filters.push((key.into(), value.into()));
+        self.filters.push(TagFilter::equals(key, value));
+        self
+    }
+
+    /// Only textures for which all of these conditions hold as well.
+    #[must_use]
+    pub fn filters(mut self, filters: impl IntoIterator<Item = TagFilter>) -> Self {
+        self.filters.extend(filters);
         self
     }
 
@@ -225,7 +233,7 @@ pub struct Hit {
     /// Place in the answer, from 1.
     pub rank: usize,
     /// The texture.
-    pub id: u64,
+    pub id: TextureId,
     /// Its name.
     pub name: String,
     /// How far its point is from the example's, in the units of the space; smaller is more alike.

@@ -6,6 +6,7 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::TextureId;
 use crate::database::exchange::arrays::NpyRows;
 use crate::database::handle::Database;
 use crate::database::scheme::DEFAULT_SPACE;
@@ -18,9 +19,9 @@ use crate::store::Reads;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NearPair {
     /// The lower id.
-    pub first: u64,
+    pub first: TextureId,
     /// The higher id.
-    pub second: u64,
+    pub second: TextureId,
     /// How far their points are apart.
     pub distance: f64,
     /// The name of the first.
@@ -62,8 +63,8 @@ impl Database {
         Ok(pairs
             .into_iter()
             .map(|pair| NearPair {
-                first: pair.first,
-                second: pair.second,
+                first: pair.first.into(),
+                second: pair.second.into(),
                 distance: pair.distance,
                 first_name: name(pair.first),
                 second_name: name(pair.second),

@@ -18,19 +18,20 @@ use crate::error::Error;
 use crate::space::{Contribution, Statistics};
 use crate::store::{Content, NewTexture, Reads, StoreError, Transaction};
 use crate::volume::Volume;
+use crate::{TagEdit, TextureId};
 
 /// What became of a texture that was added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Added {
     /// It is in the store, under this id.
-    New(u64),
+    New(TextureId),
     /// The same content was in the store already, under this id; nothing changed.
-    Duplicate(u64),
+    Duplicate(TextureId),
 }
 
 impl Added {
     /// The texture's id.
-    pub fn id(self) -> u64 {
+    pub fn id(self) -> TextureId {
         match self {
             Self::New(id) | Self::Duplicate(id) => id,
         }
@@ -83,8 +84,8 @@ impl Database {
     ///
     /// # Errors
     /// [`StoreError::NoSuchTexture`], in [`Error::Store`].
-    pub fn remove(&self, ids: &[u64]) -> Result<Vec<u64>, Error> {
-        let mut ids = ids.to_vec();
+    pub fn remove(&self, ids: impl IntoIterator<Item = impl Into<TextureId>>) -> Result<Vec<TextureId>, Error> {
+        let mut ids: Vec<u64> = ids.into_iter().map(|id| id.into().get()).collect();
         ids.sort_unstable();
         ids.dedup();
         self.change(|transaction, statistics_cache| {
@@ -105,19 +106,20 @@ impl Database {
             }
             renew_extremes(transaction, statistics_cache)
         })?;
-        Ok(ids)
+        Ok(ids.into_iter().map(TextureId::from).collect())
     }
 
-    /// Sets and takes off tags of a texture, durably; returns it as it is then.
+    /// Changes the tags of a texture, durably. Returns the texture as it is then.
     ///
     /// # Errors
     /// [`StoreError::NoSuchTexture`]; [`StoreError::Invalid`] for an empty key, in [`Error::Store`].
-    pub fn tag(&self, id: u64, set: &[(String, String)], unset: &[String]) -> Result<Texture, Error> {
+    pub fn tag(&self, id: impl Into<TextureId>, edit: &TagEdit) -> Result<Texture, Error> {
+        let id = id.into().get();
         self.change_records(|transaction| {
-            for key in unset {
+            for key in &edit.unset {
                 transaction.unset_tag(id, key)?;
             }
-            for (key, value) in set {
+            for (key, value) in &edit.set {
                 transaction.set_tag(id, key, value)?;
             }
             Ok(transaction.record(id)?.ok_or(StoreError::NoSuchTexture { id })?.into())
@@ -162,7 +164,7 @@ impl<'a> Addition<'a> {
 
     fn add(&mut self, prepared: PreparedTexture<'_>) -> Result<Added, Error> {
         if let Some(id) = self.transaction.find(&prepared.content.hash)? {
-            return Ok(Added::Duplicate(id));
+            return Ok(Added::Duplicate(id.into()));
         }
         let PreparedTexture { content, texture, state } = prepared;
         let (texture, contributions) = match state {
@@ -176,7 +178,7 @@ impl<'a> Addition<'a> {
         self.statistics_cache.add(&contributions)?;
         self.fits.after(self.statistics_cache);
         self.changed = true;
-        Ok(Added::New(id))
+        Ok(Added::New(id.into()))
     }
 
     /// Fits the spaces where that is due. True where anything was added.

@@ -145,7 +145,7 @@ mod tests {
         assert_eq!(database.commit(vec![prepared]).unwrap(), [crate::Added::Duplicate(id)]);
         database.remove(&[id]).unwrap();
         let added = database.commit(vec![again]).unwrap();
-        assert_eq!(added, [crate::Added::New(id + 1)]);
+        assert_eq!(added, [crate::Added::New((id.get() + 1).into())]);
         assert!(database.verify(true, &()).unwrap().ok());
     }
 }

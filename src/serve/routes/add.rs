@@ -77,6 +77,7 @@ fn ingested(app: &App, intake: &Intake) -> Result<Response, Problem> {
         return Err(problem);
     }
     let status = if report.added > 0 { StatusCode::CREATED } else { StatusCode::OK };
-    let report = Report { added: report.added, duplicates: report.duplicates, failed, ids: report.ids };
+    let ids = report.ids.into_iter().map(u64::from).collect();
+    let report = Report { added: report.added, duplicates: report.duplicates, failed, ids };
     Ok((status, reply::json(&report)?).into_response())
 }

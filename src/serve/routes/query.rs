@@ -17,7 +17,7 @@ use crate::serve::reply;
 use crate::serve::state::App;
 use crate::serve::upload_cache::Upload;
 use crate::volume::{self, Volume, display_path};
-use crate::{Answer, Combine, Error, Query, UnknownCombine};
+use crate::{Answer, Combine, Error, Query, TagFilter, UnknownCombine};
 
 #[derive(Default, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -156,7 +156,7 @@ fn by_example(app: &App, asked: &Asked) -> Result<Response, Problem> {
         (ids @ [_, ..], None, None) => {
             let how = asked.combine.as_deref().unwrap_or(Combine::Mean.name());
             let how: Combine = how.parse().map_err(|error: UnknownCombine| Problem::bad_request(error.to_string()))?;
-            answered(app, Query::textures(ids).combine(how), asked, true, None)
+            answered(app, Query::textures(ids.iter().copied()).combine(how), asked, true, None)
         }
         _ => Err(Problem::bad_request(
             "ask with one kind of example: ids of textures, an upload, or a block of a texture",
@@ -254,11 +254,8 @@ fn refined<'a>(mut query: Query<'a>, asked: &Asked, exclude_self: bool) -> Resul
     if asked.exclude_self.unwrap_or(exclude_self) {
         query = query.exclude_self();
     }
-    for filter in &asked.filters {
-        let (key, value) = parse_filter(filter)?;
-        query = query.filter(key, value);
-    }
-    Ok(query)
+    let filters: Vec<TagFilter> = asked.filters.iter().map(|filter| parse_filter(filter)).collect::<Result<_, _>>()?;
+    Ok(query.filters(filters))
 }
 
 fn shown(app: &App, answer: Answer) -> Result<Answered, Problem> {
@@ -275,7 +272,7 @@ fn shown(app: &App, answer: Answer) -> Result<Answered, Problem> {
         };
         hits.push(Hit {
             rank: hit.rank,
-            id: hit.id,
+            id: hit.id.get(),
             name: hit.name,
             distance: hit.distance,
             tags: hit.tags,

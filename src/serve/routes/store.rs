@@ -187,7 +187,7 @@ fn drawn(app: &App, space: &str, key: Option<&str>, limit: usize) -> Result<MapD
         epoch: map.epoch,
         total: map.total,
         explained: map.explained,
-        ids: map.ids,
+        ids: map.ids.into_iter().map(u64::from).collect(),
         x: map.x,
         y: map.y,
         values,

@@ -15,7 +15,7 @@ use crate::serve::reply::{self, Keep};
 use crate::serve::state::App;
 use crate::store::Provenance;
 use crate::volume::display_path;
-use crate::{BlockOf, Listed, Order, Selection, Texture};
+use crate::{BlockOf, Listed, Order, ParseTagFilterError, Selection, TagEdit, TagFilter, Texture};
 
 /// So many textures are in one answer at most.
 const LONGEST_PAGE: usize = 1000;
@@ -49,17 +49,14 @@ struct List<'a> {
 }
 
 /// The `where=KEY=VALUE` of a query.
-pub(crate) fn filters(uri: &Uri) -> Result<Vec<(String, String)>, Problem> {
+pub(crate) fn filters(uri: &Uri) -> Result<Vec<TagFilter>, Problem> {
     let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else { return Ok(Vec::new()) };
     pairs.into_iter().filter(|(key, _)| key == "where").map(|(_, filter)| parse_filter(&filter)).collect()
 }
 
 /// `KEY=VALUE`, split at the first `=`.
-pub(crate) fn parse_filter(filter: &str) -> Result<(String, String), Problem> {
-    match filter.split_once('=') {
-        Some((key, value)) if !key.is_empty() => Ok((key.to_owned(), value.to_owned())),
-        _ => Err(Problem::bad_request(format!("'{}' is not KEY=VALUE", filter.escape_debug()))),
-    }
+pub(crate) fn parse_filter(filter: &str) -> Result<TagFilter, Problem> {
+    filter.parse().map_err(|error: ParseTagFilterError| Problem::bad_request(error.to_string()))
 }
 
 /// The textures, page by page
@@ -123,7 +120,7 @@ impl Detail {
         // Where on its machine a file lies is nobody's business who only looks at the texture.
         let file = texture.path.as_deref().and_then(|path| path.file_name());
         Self {
-            id: texture.id,
+            id: texture.id.get(),
             name: texture.name,
             shape: texture.shape,
             channels: texture.channels,
@@ -204,11 +201,8 @@ pub(crate) async fn set_tags(
     Json(tags): Json<BTreeMap<String, String>>,
 ) -> Result<Response, Problem> {
     app.may_change()?;
-    app.heavy(move |app| {
-        let set: Vec<(String, String)> = tags.into_iter().collect();
-        changed_tags(app, id, &set, &[])
-    })
-    .await
+    let edit = tags.into_iter().fold(TagEdit::new(), |edit, (key, value)| edit.set(key, value));
+    app.heavy(move |app| changed_tags(app, id, &edit)).await
 }
 
 /// Take a tag off a texture
@@ -219,11 +213,11 @@ pub(crate) async fn unset_tag(
     Path((id, key)): Path<(u64, String)>,
 ) -> Result<Response, Problem> {
     app.may_change()?;
-    app.heavy(move |app| changed_tags(app, id, &[], &[key])).await
+    app.heavy(move |app| changed_tags(app, id, &TagEdit::new().unset(key))).await
 }
 
-fn changed_tags(app: &App, id: u64, set: &[(String, String)], unset: &[String]) -> Result<Response, Problem> {
-    let texture = app.database.tag(id, set, unset)?;
+fn changed_tags(app: &App, id: u64, edit: &TagEdit) -> Result<Response, Problem> {
+    let texture = app.database.tag(id, edit)?;
     app.note_change()?;
     let windows = app.database.sums(id)?.map(|sums| sums.windows);
     reply::json(&Detail::of(texture, windows))
@@ -235,7 +229,7 @@ fn changed_tags(app: &App, id: u64, set: &[(String, String)], unset: &[String]) 
 pub(crate) async fn remove(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
     app.may_change()?;
     app.heavy(move |app| {
-        app.database.remove(&[id])?;
+        app.database.remove([id])?;
         app.note_change()?;
         Ok(StatusCode::NO_CONTENT.into_response())
     })

@@ -220,7 +220,7 @@ fn a_read_only_server_follows_a_writer_and_changes_nothing() {
         assert!(said.contains("--read-only"), "{said}");
     }
     let writer = Database::open(place.path("textures.hlacdb")).unwrap();
-    let id = writer.add(&ball(16, 12), Meta::named("late").tag("kind", "late")).unwrap().id();
+    let id = writer.add(&ball(16, 12), Meta::named("late").tag("kind", "late")).unwrap().id().get();
     assert_eq!(place.json("textures?where=kind=late")["textures"][0]["id"], id);
     assert_eq!(place.post("query", &json!({"ids": [id], "k": 2})).json()["hits"].as_array().unwrap().len(), 2);
     writer.remove(&[id]).unwrap();

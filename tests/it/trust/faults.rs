@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use hlacdb::hlac::View;
 use hlacdb::store::{Reads, Store, silent};
-use hlacdb::{Database, Error, Hint, Meta, OpenOptions, Query, ReindexOptions};
+use hlacdb::{Database, Error, Hint, Meta, OpenOptions, Query, ReindexOptions, TagEdit};
 use redb::StorageBackend;
 
 use super::{long, volume};
@@ -172,7 +172,7 @@ impl Act {
                 let prepared = (10..14).map(prepare).collect::<Result<Vec<_>, _>>()?;
                 database.commit(prepared)?;
             }
-            Self::Tag => drop(database.tag(1, &[("mood".into(), "calm".into())], &["third".into()])?),
+            Self::Tag => drop(database.tag(1, &TagEdit::new().set("mood", "calm").unset("third"))?),
             Self::Remove => match database.remove(&[2, 3]) {
                 Err(Error::Store(hlacdb::store::StoreError::NoSuchTexture { .. })) => {}
                 removed => drop(removed?),
@@ -199,7 +199,7 @@ fn told(database: &Database) -> Held {
     let textures = database.textures(&[]).unwrap();
     let fitted =
         !textures.is_empty() && database.query(&Query::texture(textures[0].id).k(1)).unwrap().epoch > FITS_AT_START;
-    let each = textures.into_iter().map(|texture| (texture.id, texture.name, texture.tags.into_iter().collect()));
+    let each = textures.into_iter().map(|texture| (texture.id.get(), texture.name, texture.tags.into_iter().collect()));
     (each.collect(), fitted)
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use hlacdb::migrations::{MigrateOptions, migrate};
-use hlacdb::{Database, Meta, Query, ReindexOptions};
+use hlacdb::{Database, Meta, Query, ReindexOptions, TagFilter};
 
 use super::volume;
 
@@ -21,11 +21,11 @@ fn a_store_of_every_released_version_is_read_changed_and_verified() {
 
         let database = Database::open(&path).unwrap();
         assert!(database.verify(true, &()).unwrap().ok(), "{:?}", database.verify(true, &()).unwrap().damage);
-        let textures = database.textures(&[("parity".into(), "odd".into())]).unwrap();
+        let textures = database.textures(&[TagFilter::equals("parity", "odd")]).unwrap();
         assert_eq!(textures.iter().map(|texture| texture.id).collect::<Vec<_>>(), [1, 5, 7]);
         assert_eq!(textures[0].name, "texture 1");
         let hits = database.query(&Query::texture(2).k(10)).unwrap().hits;
-        assert_eq!((hits.len(), hits[0].id, hits[0].distance), (6, 2, 0.0));
+        assert_eq!((hits.len(), hits[0].id.get(), hits[0].distance), (6, 2, 0.0));
         assert_eq!(database.add(&volume(9, 9), Meta::named("new")).unwrap().id(), 8);
         database.remove(&[1]).unwrap();
         database.reindex(&ReindexOptions { reextract: true, ..ReindexOptions::default() }, &()).unwrap();

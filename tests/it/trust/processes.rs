@@ -198,7 +198,7 @@ fn queries_see_whole_states_beside_a_writer() {
                     let before = begun.load(Ordering::SeqCst);
                     let answer = database.query(&Query::volume(&volume(5, 8)).k(10_000)).unwrap();
                     let after = begun.load(Ordering::SeqCst);
-                    let mut hits: Vec<u64> = answer.hits.iter().map(|hit| hit.id).collect();
+                    let mut hits: Vec<u64> = answer.hits.iter().map(|hit| hit.id.get()).collect();
                     hits.sort_unstable();
                     // The state is one of those between what was done before the question and what was begun after it.
                     let possible = (before.saturating_sub(1)..=after).filter_map(|at| states[at as usize].get());

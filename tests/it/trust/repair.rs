@@ -4,7 +4,7 @@ use std::path::Path;
 
 use hlacdb::hlac::View;
 use hlacdb::space::Definition;
-use hlacdb::{Database, Error, Hint, OpenError, Query, ReindexOptions, RepairOptions};
+use hlacdb::{Database, Error, Hint, OpenError, Query, ReindexOptions, RepairOptions, TagEdit};
 use redb::{TableDefinition, WriteTransaction};
 
 use super::{drop_first, edit, filled, flip, told};
@@ -122,11 +122,11 @@ fn reindex_replaces_damaged_statistics_spaces_and_points() {
         edit(&path, flip(POINTS, nth, 40));
     }
     let database = Database::open(&path).unwrap();
-    database.tag(1, &[("t".into(), "u".into())], &["t".into()]).unwrap();
+    database.tag(1, &TagEdit::new().set("t", "u").unset("t")).unwrap();
     database.statistics().unwrap();
     let error = database.add(&super::volume(77, 9), Default::default()).unwrap_err();
     assert!(error.is_damage() && error.hint() == Some(Hint::RepairStore), "{error}");
-    database.tag(1, &[], &["t".into()]).unwrap();
+    database.tag(1, &TagEdit::new().unset("t")).unwrap();
     database.reindex(&ReindexOptions::default(), &()).unwrap();
     assert!(database.verify(true, &()).unwrap().ok());
     drop(database);
@@ -143,18 +143,18 @@ fn damaged_textures_are_quarantined_and_the_rest_works() {
     for repaired in [false, true] {
         if repaired {
             let report = repair(&path);
-            let lost: Vec<(u64, bool)> = report.quarantined.iter().map(|lost| (lost.id, lost.left_out)).collect();
+            let lost: Vec<(u64, bool)> = report.quarantined.iter().map(|lost| (lost.id.get(), lost.left_out)).collect();
             assert_eq!(lost, [(3, true), (7, false)]);
         }
         let database = Database::open(&path).unwrap();
         let report = database.statistics().unwrap();
-        let named: Vec<u64> = report.quarantined.iter().map(|lost| lost.id).collect();
+        let named: Vec<u64> = report.quarantined.iter().map(|lost| lost.id.get()).collect();
         assert_eq!(named, if repaired { vec![3, 7] } else { vec![3] });
         assert_eq!(database.textures(&[]).unwrap().len(), 8);
         for _ in 0..2 {
             // From the file, then from memory; k hits, though one of the nearest is left out.
             let answer = database.query(&Query::texture(1).k(8)).unwrap();
-            let ids: Vec<u64> = answer.hits.iter().map(|hit| hit.id).collect();
+            let ids: Vec<u64> = answer.hits.iter().map(|hit| hit.id.get()).collect();
             assert!(ids.len() == 8 && !ids.contains(&3), "{ids:?}");
             assert!(answer.warnings.iter().any(|warning| warning.contains("id 3")), "{:?}", answer.warnings);
         }
@@ -166,7 +166,7 @@ fn damaged_textures_are_quarantined_and_the_rest_works() {
         assert!(
             !damage.is_empty() && damage.iter().all(|one| one.key.starts_with("id 3") || one.key.starts_with("id 7"))
         );
-        database.tag(1, &[("n".into(), repaired.to_string())], &[]).unwrap();
+        database.tag(1, &TagEdit::new().set("n", repaired.to_string())).unwrap();
     }
     // Nothing more can be restored: no other copy is made.
     let whole = std::fs::read(&path).unwrap();
