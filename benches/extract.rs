@@ -139,7 +139,7 @@ fn binary(volume: &Volume) {
     let voxels = Voxels::new(&black_and_white, volume.shape()).unwrap();
     let span = Duration::from_millis(500);
     let dense = best(span, || kernels::active().octants(voxels));
-    let bits = best(span, || kernels::octants_binary(voxels));
+    let bits = best(span, || Kernel::octants_by_counting(voxels));
     println!("64^3 of 0 and 255: {:.3} ms by bits, {:.1} times the kernel", bits * 1e3, dense / bits);
 }
 

@@ -6,9 +6,6 @@
 use std::fmt;
 use std::sync::OnceLock;
 
-use crate::kernel::{self, Input};
-use crate::{OctantSums, Voxels};
-
 /// An implementation of the exact sums.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -49,16 +46,20 @@ impl Kernel {
 
     /// Whether this build contains the kernel and this CPU runs it.
     pub fn is_available(self) -> bool {
-        kernel::is_available(self)
-    }
-
-    /// The octant sums of a volume by this kernel: for tests and benchmarks.
-    ///
-    /// # Panics
-    /// If the kernel is not available.
-    #[doc(hidden)]
-    pub fn octants(self, volume: Voxels<'_>) -> OctantSums {
-        kernel::run(self, &Input::whole(volume.shape(), 1, volume.as_slice()))
+        match self {
+            Self::Scalar | Self::Portable => true,
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon => std::arch::is_aarch64_feature_detected!("neon"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => is_x86_feature_detected!("avx2"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512Vnni | Self::Avx512VnniFolded => {
+                Self::Avx512.is_available() && is_x86_feature_detected!("avx512vnni")
+            }
+            _ => false,
+        }
     }
 }
 
@@ -97,7 +98,7 @@ static ACTIVE: OnceLock<Kernel> = OnceLock::new();
 
 /// The kernel in use.
 pub fn active() -> Kernel {
-    *ACTIVE.get_or_init(kernel::fastest)
+    *ACTIVE.get_or_init(fastest)
 }
 
 /// The kernels that this CPU runs, roughly the slowest first.
@@ -121,11 +122,24 @@ pub fn select(name: &str) -> Result<Kernel, KernelError> {
     }
 }
 
-/// The octant sums of a volume in which every voxel that is not 0 counts as 255, by counting bits: for tests and
-/// benchmarks. Volumes of 0 and 255 take this way by themselves.
-#[doc(hidden)]
-pub fn octants_binary(volume: Voxels<'_>) -> OctantSums {
-    kernel::binary_sums(&Input::whole(volume.shape(), 1, volume.as_slice()))
+/// The fastest kernel of this CPU.
+///
+/// Folding wins where vectors are added on ports that do not multiply: on AMD's CPUs, not on Intel's, whose 512-bit
+/// registers have two ports for both.
+fn fastest() -> Kernel {
+    let suits = |kernel: &Kernel| *kernel != Kernel::Avx512VnniFolded || !is_intel();
+    available().filter(suits).last().unwrap_or(Kernel::Portable)
+}
+
+#[cfg(target_arch = "x86_64")]
+fn is_intel() -> bool {
+    let id = std::arch::x86_64::__cpuid(0);
+    [id.ebx, id.edx, id.ecx].map(u32::to_le_bytes).concat() == b"GenuineIntel"
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn is_intel() -> bool {
+    false
 }
 
 fn named(name: &str) -> Result<Kernel, KernelError> {

@@ -11,15 +11,10 @@ use super::lanes::Lanes;
 use super::tiles::Narrow;
 use crate::OctantSums;
 
-/// Whether this CPU has AVX2.
-pub(super) fn is_available() -> bool {
-    is_x86_feature_detected!("avx2")
-}
-
 /// AVX2, one product per multiplication.
 ///
 /// # Safety
-/// The CPU must have AVX2 ([`is_available`]).
+/// The CPU must have AVX2.
 #[target_feature(enable = "avx2")]
 pub(super) unsafe fn sums(input: &Input<'_>) -> OctantSums {
     // SAFETY: AVX2 is enabled for this function, and the caller checked that the CPU has it.

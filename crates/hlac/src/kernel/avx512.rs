@@ -14,20 +14,10 @@ use super::lanes::Lanes;
 use super::tiles::Wide;
 use crate::OctantSums;
 
-/// Whether this CPU has AVX-512 F and BW, which [`plain`] needs.
-pub(super) fn has_plain() -> bool {
-    is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw")
-}
-
-/// Whether this CPU also has AVX-512 VNNI, which [`vnni`] and [`vnni_folded`] need.
-pub(super) fn has_vnni() -> bool {
-    has_plain() && is_x86_feature_detected!("avx512vnni")
-}
-
 /// AVX-512 F and BW.
 ///
 /// # Safety
-/// The CPU must have these instructions ([`has_plain`]).
+/// The CPU must have these instructions.
 #[target_feature(enable = "avx512f,avx512bw")]
 pub(super) unsafe fn plain(input: &Input<'_>) -> OctantSums {
     // SAFETY: the instructions of `Plain` are enabled for this function, and the caller checked that the CPU has them.
@@ -37,7 +27,7 @@ pub(super) unsafe fn plain(input: &Input<'_>) -> OctantSums {
 /// AVX-512 F, BW and VNNI, one product per multiplication.
 ///
 /// # Safety
-/// The CPU must have these instructions ([`has_vnni`]).
+/// The CPU must have these instructions.
 #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
 pub(super) unsafe fn vnni(input: &Input<'_>) -> OctantSums {
     // SAFETY: the instructions of `Vnni` are enabled for this function, and the caller checked that the CPU has them.
@@ -47,7 +37,7 @@ pub(super) unsafe fn vnni(input: &Input<'_>) -> OctantSums {
 /// AVX-512 F, BW and VNNI, two products per multiplication where that pays.
 ///
 /// # Safety
-/// The CPU must have these instructions ([`has_vnni`]).
+/// The CPU must have these instructions.
 #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
 pub(super) unsafe fn vnni_folded(input: &Input<'_>) -> OctantSums {
     // SAFETY: the instructions of `Vnni` are enabled for this function, and the caller checked that the CPU has them.

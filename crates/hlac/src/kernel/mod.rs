@@ -30,8 +30,8 @@
 
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-use crate::OctantSums;
 use crate::kernels::{self, Kernel};
+use crate::{OctantSums, Voxels};
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -72,12 +72,31 @@ pub(crate) fn sums_in_pool(input: &Input<'_>) -> OctantSums {
     )
 }
 
+/// What tests and benchmarks need beside the kernel in use.
+impl Kernel {
+    /// The octant sums of a volume by this kernel.
+    ///
+    /// # Panics
+    /// If the kernel is not available.
+    #[doc(hidden)]
+    pub fn octants(self, volume: Voxels<'_>) -> OctantSums {
+        run(self, &Input::whole(volume.shape(), 1, volume.as_slice()))
+    }
+
+    /// The octant sums of a volume in which every voxel that is not 0 counts as 255, by counting bits. The kernel in use
+    /// takes this way for volumes of 0 and 255.
+    #[doc(hidden)]
+    pub fn octants_by_counting(volume: Voxels<'_>) -> OctantSums {
+        binary::sums(&Input::whole(volume.shape(), 1, volume.as_slice()))
+    }
+}
+
 /// What an input adds to the octant sums of its volume, by a given kernel.
 ///
 /// # Panics
 /// If the kernel is not available.
-pub(crate) fn run(kernel: Kernel, input: &Input<'_>) -> OctantSums {
-    assert!(is_available(kernel), "the kernel {kernel} does not run on this CPU");
+fn run(kernel: Kernel, input: &Input<'_>) -> OctantSums {
+    assert!(kernel.is_available(), "the kernel {kernel} does not run on this CPU");
     match kernel {
         Kernel::Scalar => scalar::sums(input),
         #[cfg(target_arch = "aarch64")]
@@ -98,40 +117,4 @@ pub(crate) fn run(kernel: Kernel, input: &Input<'_>) -> OctantSums {
         // SAFETY: plain Rust runs on every CPU.
         _ => unsafe { body::sums::<lanes::Portable<4>, tiles::Wide, true>(input) },
     }
-}
-
-/// Whether this build contains a kernel and this CPU runs it.
-pub(crate) fn is_available(kernel: Kernel) -> bool {
-    match kernel {
-        Kernel::Scalar | Kernel::Portable => true,
-        #[cfg(target_arch = "aarch64")]
-        Kernel::Neon => neon::is_available(),
-        #[cfg(target_arch = "x86_64")]
-        Kernel::Avx2 => avx2::is_available(),
-        #[cfg(target_arch = "x86_64")]
-        Kernel::Avx512 => avx512::has_plain(),
-        #[cfg(target_arch = "x86_64")]
-        Kernel::Avx512Vnni | Kernel::Avx512VnniFolded => avx512::has_vnni(),
-        _ => false,
-    }
-}
-
-/// The fastest kernel of this CPU.
-///
-/// Folding wins where vectors are added on ports that do not multiply: on AMD's CPUs, not on Intel's, whose 512-bit
-/// registers have two ports for both.
-pub(crate) fn fastest() -> Kernel {
-    let suits = |kernel: &Kernel| *kernel != Kernel::Avx512VnniFolded || !is_intel();
-    kernels::available().filter(suits).last().unwrap_or(Kernel::Portable)
-}
-
-#[cfg(target_arch = "x86_64")]
-fn is_intel() -> bool {
-    let id = std::arch::x86_64::__cpuid(0);
-    [id.ebx, id.edx, id.ecx].map(u32::to_le_bytes).concat() == b"GenuineIntel"
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-fn is_intel() -> bool {
-    false
 }

@@ -4,7 +4,6 @@
 //! group is the whole register. `sadalp` widens the sums in one instruction.
 
 use std::arch::aarch64::*;
-use std::arch::is_aarch64_feature_detected;
 
 use super::Input;
 use super::body;
@@ -12,15 +11,10 @@ use super::lanes::Lanes;
 use super::tiles::Wide;
 use crate::OctantSums;
 
-/// Whether this CPU has NEON.
-pub(super) fn is_available() -> bool {
-    is_aarch64_feature_detected!("neon")
-}
-
 /// NEON, one product per multiplication.
 ///
 /// # Safety
-/// The CPU must have NEON ([`is_available`]).
+/// The CPU must have NEON.
 #[target_feature(enable = "neon")]
 pub(super) unsafe fn sums(input: &Input<'_>) -> OctantSums {
     // SAFETY: NEON is enabled for this function, and the caller checked that the CPU has it.

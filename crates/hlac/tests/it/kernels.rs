@@ -41,7 +41,7 @@ proptest! {
     fn counting_bits_equals_the_reference(shape in shape(3, 12_000), seed: u64) {
         let volume = volume(shape, Content::Binary, seed);
         let expected = Kernel::Scalar.octants(volume.as_voxels());
-        assert_equal(&kernels::octants_binary(volume.as_voxels()), &expected, "octants_binary");
+        assert_equal(&Kernel::octants_by_counting(volume.as_voxels()), &expected, "octants_by_counting");
     }
 }
 
