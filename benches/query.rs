@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use hlacdb::hlac::View;
-use hlacdb::index::{Index, KdTree, KnnQuery, Method, Points};
+use hlacdb::index::{Index, IndexMethod, KdTree, KnnQuery, Points};
 use hlacdb::space::Metric;
 use hlacdb::{OpenOptions, Query};
 use points::{DIMS, Origin};
@@ -32,7 +32,7 @@ fn index(rows: usize, coordinates: &[f32]) -> Index {
     index
 }
 
-fn search(index: &Index, point: &[f32], k: usize, method: Method) -> Vec<(u64, u64)> {
+fn search(index: &Index, point: &[f32], k: usize, method: IndexMethod) -> Vec<(u64, u64)> {
     let hits = index.search(&KnnQuery::nearest(point, k), method).unwrap();
     hits.iter().map(|hit| (hit.id, hit.distance.to_bits())).collect()
 }
@@ -49,9 +49,13 @@ fn table(index: &Index, queries: &[f32]) {
     let rows = index.points().len();
     for k in [10, 30] {
         for point in queries.chunks_exact(DIMS).take(100) {
-            assert_eq!(search(index, point, k, Method::Linear), search(index, point, k, Method::KdTree), "{rows} rows");
+            assert_eq!(
+                search(index, point, k, IndexMethod::Linear),
+                search(index, point, k, IndexMethod::KdTree),
+                "{rows} rows"
+            );
         }
-        for method in [Method::Linear, Method::KdTree, Method::Auto] {
+        for method in [IndexMethod::Linear, IndexMethod::KdTree, IndexMethod::Auto] {
             let times = queries.chunks_exact(DIMS).map(|point| {
                 let start = Instant::now();
                 black_box(index.search(&KnnQuery::nearest(point, k), method).unwrap());
@@ -74,7 +78,7 @@ fn index_benches(criterion: &mut Criterion) {
         let mut group = criterion.benchmark_group(format!("index/{rows}"));
         group.sample_size(20);
         for k in [10, 30] {
-            for method in [Method::Linear, Method::KdTree] {
+            for method in [IndexMethod::Linear, IndexMethod::KdTree] {
                 let mut points = queries.chunks_exact(DIMS).cycle();
                 group.bench_function(BenchmarkId::new(method.name(), k), |bench| {
                     bench.iter_batched(

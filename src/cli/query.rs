@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
 use hlacdb::hlac::View;
-use hlacdb::index::Method;
+use hlacdb::index::IndexMethod;
 use hlacdb::render::sheet;
 use hlacdb::space::Descriptor;
 use hlacdb::volume::{self, Volume};
@@ -69,7 +69,7 @@ pub(crate) struct Query {
 
     /// By which index: auto, linear, kdtree
     #[arg(long, value_name = "INDEX", default_value = "auto")]
-    index: Method,
+    index: IndexMethod,
 
     /// Draw the query and its hits as slices (the paper's Figure 6)
     #[arg(long, value_name = "OUT.png", value_parser = png(), conflicts_with = "moments")]

@@ -143,7 +143,7 @@ impl<'q> DiskScan<'q> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{IdFilter, Index, Method, Points};
+    use super::super::{IdFilter, Index, IndexMethod, Points};
     use super::*;
     use proptest::prelude::*;
 
@@ -173,7 +173,7 @@ mod tests {
             points.remove(9);
             let some = |id: u64| id.is_multiple_of(share);
             let query = KnnQuery { point: rows[0], k, within: radius, filter: IdFilter::Predicate(&some), exclude: Some(3) };
-            let expected = Index::from_points(points).search(&query, Method::Linear).unwrap();
+            let expected = Index::from_points(points).search(&query, IndexMethod::Linear).unwrap();
 
             let coded: Vec<i8> = rows.iter().flat_map(|row| quantise(row)).collect();
             let fetch = |row: usize, into: &mut Vec<f32>| { into.extend(rows[row]); Ok::<(), ()>(()) };

@@ -1,76 +1,24 @@
-//! Points with or without a tree over them: the door of this room.
+//! [`Index`]: points with or without a tree over them.
 
-use std::fmt;
-use std::str::FromStr;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use super::kdtree::Effort;
 use super::top_k::TopK;
-use super::{IdFilter, IndexError, KdTree, KnnQuery, Neighbour, Points, linear};
+use super::{IdFilter, IndexError, IndexMethod, KdTree, KnnQuery, Neighbour, Plan, Points, linear, plan};
 use crate::space::Metric;
 
-/// How a question is answered. The answer is the same; only the time differs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Method {
-    /// The quicker of the two, by the rule of [`Index::choose`].
-    #[default]
-    Auto,
-    /// Every row is looked at.
-    Linear,
-    /// The tree proposes; falls back to the scan where there is no tree or it cannot help.
-    KdTree,
-}
-
-impl Method {
-    /// `auto`, `linear` or `kdtree`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Method::Auto => "auto",
-            Method::Linear => "linear",
-            Method::KdTree => "kdtree",
-        }
-    }
-}
-
-impl fmt::Display for Method {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-/// A name that no method has.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no index {0:?}: use auto, linear or kdtree")]
-pub struct UnknownMethod(String);
-
-impl FromStr for Method {
-    type Err = UnknownMethod;
-
-    fn from_str(name: &str) -> Result<Self, UnknownMethod> {
-        match name {
-            "auto" => Ok(Method::Auto),
-            "linear" => Ok(Method::Linear),
-            "kdtree" => Ok(Method::KdTree),
-            _ => Err(UnknownMethod(name.to_owned())),
-        }
-    }
-}
-
-/// Fewer live rows than this need no tree: the scan answers as quickly (15 us).
+/// With fewer live rows the scan is as fast as a tree (15 us).
 const TREE_ROWS: usize = 4096;
 
-/// Asking for more than this fraction of the rows, the scan is as quick.
+/// For more neighbours than this fraction of the rows the scan is as fast as a tree.
 const TREE_FRACTION: usize = 100;
 
-/// Building a tree costs as much as this number of scans of its rows.
-const SCANS_PER_BUILD: u128 = 250;
-
-/// Rows of a tail that are scanned in a few microseconds, whatever the size of the tree.
+/// A tail of this many rows is scanned in a few microseconds, whatever the size of the tree.
 const SMALL_TAIL: usize = 2048;
 
-/// Points, and a tree over the first of them where one was built. A clone is a snapshot that shares all memory.
+/// Points, and a tree over the first of them if one was built. A clone is a snapshot that shares memory.
 #[derive(Clone)]
 pub struct Index {
     points: Points,
@@ -78,47 +26,53 @@ pub struct Index {
 }
 
 impl Index {
-    /// An index of no rows.
+    /// An index without rows.
+    ///
+    /// # Errors
+    /// [`IndexError::NoCoordinates`] if `dims` is 0.
     pub fn new(metric: Metric, dims: usize) -> Result<Self, IndexError> {
         Ok(Self::from_points(Points::new(metric, dims)?))
     }
 
-    /// An index of these points, without a tree as yet.
+    /// An index of these points, without a tree.
     pub fn from_points(points: Points) -> Self {
         Self { points, tree: None }
     }
 
-    /// The rows.
+    /// The points.
     pub fn points(&self) -> &Points {
         &self.points
     }
 
     /// Adds a row to the tail; see [`Points::push`].
+    ///
+    /// # Errors
+    /// As [`Points::push`].
     pub fn push(&mut self, id: u64, point: &[f32]) -> Result<(), IndexError> {
         self.points.push(id, point)
     }
 
-    /// Takes a row out; see [`Points::remove`].
+    /// Removes a row; see [`Points::remove`].
     pub fn remove(&mut self, id: u64) -> bool {
         self.points.remove(id)
     }
 
-    /// Rows that the tree covers, tombstones since it was built included; 0 without a tree.
+    /// The number of rows that the tree covers, including rows removed after it was built; 0 without a tree.
     pub fn covered(&self) -> usize {
         self.tree.as_ref().map_or(0, |tree| tree.rows())
     }
 
-    /// Rows that came after the tree was built and are scanned.
+    /// The number of rows that the tree does not cover, which are scanned.
     pub fn tail(&self) -> usize {
         self.points.rows() - self.covered()
     }
 
-    /// Whether [`Index::rebuild`] is due; see [`should_rebuild`]. Never for points that no tree takes.
+    /// Whether [`Index::rebuild`] is due; see [`should_rebuild`]. Never for points that no tree supports.
     pub fn should_rebuild(&self) -> bool {
         KdTree::supports(&self.points) && should_rebuild(self.covered(), self.tail(), self.points.removed())
     }
 
-    /// Builds a tree over all live rows (in parallel), after dropping the tombstones where they are many.
+    /// Builds a tree over all live rows, in parallel. If there are many tombstones, they are dropped first.
     pub fn rebuild(&mut self) {
         if self.needs_compaction() {
             self.points = self.points.compacted();
@@ -127,13 +81,13 @@ impl Index {
         self.tree = KdTree::build(&self.points).map(Arc::new);
     }
 
-    /// Whether tombstones are so many that the next build should drop them.
+    /// Whether the next build should drop the tombstones.
     pub(super) fn needs_compaction(&self) -> bool {
         too_many_removed(self.points.rows(), self.points.removed())
     }
 
-    /// Takes a tree that was built elsewhere, over an earlier snapshot of these points. False (and nothing changed)
-    /// where it belongs to other points or covers no more than the present one.
+    /// Installs a tree that was built over an earlier snapshot of these points. False, and nothing has changed, if it
+    /// belongs to other points or covers no more rows than the present tree.
     pub fn install(&mut self, tree: Arc<KdTree>) -> bool {
         let fits = tree.fits(&self.points) && (self.tree.is_none() || tree.rows() > self.covered());
         if fits {
@@ -142,23 +96,19 @@ impl Index {
         fits
     }
 
-    /// Whether building a tree first is quicker than answering `queries` queries with what there is, each of which would be
-    /// answered by the tree.
-    ///
-    /// A query scans the rows that no tree covers. Building a tree costs as much as about 250 scans of all its rows
-    /// (0.12 s against 0.5 ms at 100 000 rows), and what it then answers costs little.
+    /// Whether `queries` queries, each of which suits a tree, are answered faster if a tree is built first; see [`plan`].
     pub fn is_build_worthwhile(&self, queries: usize) -> bool {
-        let scanned = queries as u128 * self.tail() as u128;
-        self.should_rebuild() && scanned >= SCANS_PER_BUILD * self.points.len() as u128
+        let plan = plan(queries, self.points.rows(), self.covered(), self.points.dims());
+        self.should_rebuild() && plan == Plan::BuildTree
     }
 
-    /// Whether a tree over these rows would answer a query for `k` neighbours.
+    /// Whether a tree over these rows would answer a query for `k` neighbours faster than a scan.
     pub fn suits_tree(&self, k: usize) -> bool {
         self.points.len() >= TREE_ROWS && k <= self.points.len() / TREE_FRACTION
     }
 
-    /// Takes over what [`Index::rebuild`] made of `before`, an earlier state of this index: the tree, and the points if
-    /// tombstones were dropped. Rows that came or went since then come and go in them as well.
+    /// Adopts `built`, which [`Index::rebuild`] made of `before`, an earlier state of this index: its tree and, if
+    /// tombstones were dropped, its points. Rows added or removed since `before` are added to and removed from them.
     pub(super) fn adopt(&mut self, mut built: Self, before: &Self) {
         if let Some(tree) = built.tree.as_ref().filter(|tree| tree.fits(&self.points)) {
             self.install(Arc::clone(tree));
@@ -175,20 +125,19 @@ impl Index {
         }
         for row in (before.points.rows()..self.points.rows()).filter(|&row| self.points.is_live(row)) {
             if built.push(self.points.id(row), self.points.row(row)).is_err() {
-                // What these points hold was accepted once; if it is refused now, they stay as they are.
+                // Rows that were accepted before are accepted again; if not, this index stays as it is.
                 return;
             }
         }
         *self = built;
     }
 
-    /// What [`Method::Auto`] comes to for this question; the other two are returned as they are.
+    /// The method by which [`IndexMethod::Auto`] answers this query; other methods are returned unchanged.
     ///
-    /// The tree answers where there is one over at least half of the rows, at least 4096 rows are live, `k` is at most
-    /// 1/100 of them, and the filter is none, a predicate, or a list of at least 1/8 of the rows (a shorter list is looked
-    /// up id by id). Everything else is the scan's.
-    pub fn choose(&self, query: &KnnQuery<'_>, method: Method) -> Method {
-        if method != Method::Auto {
+    /// The tree answers if it covers at least half of the rows, at least 4096 rows are live, `k` is at most 1/100 of them,
+    /// and the filter is not a list of less than 1/8 of the rows (which is looked up id by id). Otherwise the scan does.
+    pub fn choose(&self, query: &KnnQuery<'_>, method: IndexMethod) -> IndexMethod {
+        if method != IndexMethod::Auto {
             return method;
         }
         let rows = self.points.len();
@@ -197,17 +146,21 @@ impl Index {
             IdFilter::All | IdFilter::Predicate(_) => true,
         };
         if self.tree.is_some() && self.suits_tree(query.k) && self.tail() <= rows / 2 && broad {
-            Method::KdTree
+            IndexMethod::KdTree
         } else {
-            Method::Linear
+            IndexMethod::Linear
         }
     }
 
-    /// The neighbours that the question asks for, nearest first, ties by id; empty where there are none.
-    pub fn search(&self, query: &KnnQuery<'_>, method: Method) -> Result<Vec<Neighbour>, IndexError> {
+    /// The neighbours that the query asks for, by rising distance, then by id. No hits are no error.
+    ///
+    /// # Errors
+    /// [`IndexError::Dimensions`], [`IndexError::NotFinite`], [`IndexError::ZeroNeighbours`], [`IndexError::Radius`],
+    /// [`IndexError::FilterOrder`].
+    pub fn search(&self, query: &KnnQuery<'_>, method: IndexMethod) -> Result<Vec<Neighbour>, IndexError> {
         query.check(self.points.dims())?;
         match (self.choose(query, method), &self.tree) {
-            (Method::KdTree, Some(tree)) => Ok(tree.search(&self.points, query, Effort::MEASURED)),
+            (IndexMethod::KdTree, Some(tree)) => Ok(tree.search(&self.points, query, Effort::MEASURED)),
             _ => {
                 let mut best = TopK::new(query, self.points.len());
                 linear::scan(&self.points, query, 0, &mut best);
@@ -216,25 +169,27 @@ impl Index {
         }
     }
 
-    /// Many questions, shared between the threads of the current rayon pool; answers in the order of the questions.
+    /// Answers many queries with the threads of the current rayon pool, in the order of the queries.
     ///
-    /// The first refused question makes the whole call fail.
-    pub fn search_all(&self, queries: &[KnnQuery<'_>], method: Method) -> Result<Vec<Vec<Neighbour>>, IndexError> {
+    /// # Errors
+    /// As [`Index::search`]: one invalid query makes the call fail.
+    pub fn search_all(&self, queries: &[KnnQuery<'_>], method: IndexMethod) -> Result<Vec<Vec<Neighbour>>, IndexError> {
         queries.par_iter().map(|query| self.search(query, method)).collect()
     }
 }
 
-/// Whether a tree should be built anew: `covered` rows are in it, `tail` rows came after, `removed` of all are tombstones.
+/// Whether a tree should be rebuilt that covers `covered` rows and does not cover `tail` later ones, if `removed` of all
+/// rows are tombstones.
 ///
-/// The tail may grow to 2048 rows and to 1/32 of the tree, tombstones to 1/4 of all rows; fewer than 4096 rows get no
-/// tree. A store that grows row by row so spends about 32 builds of its final size on its trees, 8 s for a million rows.
+/// A rebuild is due when the tail exceeds 2048 rows and 1/32 of the tree, with at least 4096 live rows, or when tombstones
+/// exceed 2048 and 1/4 of all rows. A store that grows row by row thus spends about 32 builds of its final size on trees.
 pub fn should_rebuild(covered: usize, tail: usize, removed: usize) -> bool {
     let rows = covered + tail;
     let long_tail = tail > SMALL_TAIL.max(covered / 32) && rows - removed.min(rows) >= TREE_ROWS;
     long_tail || too_many_removed(rows, removed)
 }
 
-/// Whether tombstones should be dropped: they are more than 2048 and more than 1/4 of all rows.
+/// Whether tombstones should be dropped: if they exceed 2048 and 1/4 of all rows.
 fn too_many_removed(rows: usize, removed: usize) -> bool {
     removed > SMALL_TAIL.max(rows / 4)
 }
@@ -265,20 +220,20 @@ mod tests {
         let mut index = line(10_000);
         let point = [5.0];
         let nearest = KnnQuery::nearest(&point, 10);
-        assert_eq!(index.choose(&nearest, Method::Auto), Method::Linear);
+        assert_eq!(index.choose(&nearest, IndexMethod::Auto), IndexMethod::Linear);
         index.rebuild();
-        assert_eq!(index.choose(&nearest, Method::Auto), Method::KdTree);
-        assert_eq!(index.choose(&nearest, Method::Linear), Method::Linear);
-        assert_eq!(index.choose(&KnnQuery::nearest(&point, 101), Method::Auto), Method::Linear);
-        assert_eq!(index.choose(&nearest.filter(IdFilter::Ids(&[1, 2, 3])), Method::Auto), Method::Linear);
+        assert_eq!(index.choose(&nearest, IndexMethod::Auto), IndexMethod::KdTree);
+        assert_eq!(index.choose(&nearest, IndexMethod::Linear), IndexMethod::Linear);
+        assert_eq!(index.choose(&KnnQuery::nearest(&point, 101), IndexMethod::Auto), IndexMethod::Linear);
+        assert_eq!(index.choose(&nearest.filter(IdFilter::Ids(&[1, 2, 3])), IndexMethod::Auto), IndexMethod::Linear);
         let even = |id: u64| id.is_multiple_of(2);
-        assert_eq!(index.choose(&nearest.filter(IdFilter::Predicate(&even)), Method::Auto), Method::KdTree);
+        assert_eq!(index.choose(&nearest.filter(IdFilter::Predicate(&even)), IndexMethod::Auto), IndexMethod::KdTree);
     }
 
     #[test]
     fn refusals() {
         let mut index = line(3);
-        let ask = |query: KnnQuery<'_>| line(3).search(&query, Method::Auto).unwrap_err();
+        let ask = |query: KnnQuery<'_>| line(3).search(&query, IndexMethod::Auto).unwrap_err();
         assert_eq!(ask(KnnQuery::nearest(&[1.0, 2.0], 1)), IndexError::Dimensions { expected: 1, found: 2 });
         assert!(matches!(ask(KnnQuery::nearest(&[f32::NAN], 1)), IndexError::NotFinite { position: 0, .. }));
         assert_eq!(ask(KnnQuery::nearest(&[1.0], 0)), IndexError::ZeroNeighbours);
@@ -292,7 +247,7 @@ mod tests {
             Points::from_rows(Metric::L2, 2, &[1, 2], &[0.0; 3]).err(),
             Some(IndexError::Length { ids: 2, dims: 2, coordinates: 3 })
         );
-        assert!(Index::new(Metric::L2, 4).unwrap().search(&KnnQuery::nearest(&[0.0; 4], 5), Method::Auto).is_ok());
+        assert!(Index::new(Metric::L2, 4).unwrap().search(&KnnQuery::nearest(&[0.0; 4], 5), IndexMethod::Auto).is_ok());
         // Nothing of the refused rows stayed.
         assert_eq!(index.points().rows(), 3);
     }
@@ -316,27 +271,27 @@ mod tests {
         (1..6000).for_each(|id| assert!(index.remove(id)));
         assert!(index.should_rebuild());
         let query = KnnQuery::nearest(&[5990.0], 20);
-        let before = index.search(&query, Method::Linear).unwrap();
+        let before = index.search(&query, IndexMethod::Linear).unwrap();
         let old_tree = Arc::new(KdTree::build(index.points()).unwrap());
         index.rebuild();
         assert_eq!((index.points().rows(), index.points().removed(), index.tail()), (3001, 0, 0));
         assert!(!index.install(old_tree), "a tree over rows that are gone");
-        for method in [Method::Linear, Method::KdTree] {
+        for method in [IndexMethod::Linear, IndexMethod::KdTree] {
             assert_eq!(index.search(&query, method).unwrap(), before);
         }
     }
 
-    /// Threads ask while one adds and trees are built behind: every answer is that of some whole state.
+    /// Threads search while another adds rows and trees are built: every answer is that of some whole state.
     #[test]
-    fn questions_go_on_while_rows_come_and_go() {
+    fn searches_go_on_while_rows_are_added_and_removed() {
         let shared = Arc::new(SharedIndex::new((), line(9000)));
         std::thread::scope(|threads| {
             for _ in 0..2 {
                 threads.spawn(|| {
                     for _ in 0..200 {
                         let snapshot = &shared.snapshot().index;
-                        // Rows come and go in pairs at 0.25 and 0.75: one without the other is a state between.
-                        let hits = snapshot.search(&KnnQuery::all_within(&[0.5], 0.25), Method::Auto).unwrap();
+                        // Rows are added and removed in pairs, at 0.25 and 0.75: an odd number is a state in between.
+                        let hits = snapshot.search(&KnnQuery::all_within(&[0.5], 0.25), IndexMethod::Auto).unwrap();
                         assert_eq!(hits.len() % 2, 0);
                     }
                 });
@@ -373,9 +328,9 @@ mod tests {
         assert_eq!((shared.snapshot().owner, shared.snapshot().index.points().rows()), (0, 10));
     }
 
-    /// Rows that come and go while tombstones are dropped and a tree is built are in the result as well.
+    /// Rows added and removed while tombstones are dropped and a tree is built are added to and removed from the result.
     #[test]
-    fn a_build_takes_in_what_changed_meanwhile() {
+    fn a_build_adopts_what_changed_meanwhile() {
         let mut before = line(9000);
         (1..6000).for_each(|id| assert!(before.remove(id)));
         let mut built = before.clone();
@@ -392,21 +347,21 @@ mod tests {
         for at in [0.5, 7000.0, 9000.0] {
             let point = [at];
             let query = KnnQuery::nearest(&point, 30);
-            let hits = expected.search(&query, Method::Linear).unwrap();
-            assert_eq!(index.search(&query, Method::Linear).unwrap(), hits);
-            assert_eq!(index.search(&query, Method::KdTree).unwrap(), hits);
+            let hits = expected.search(&query, IndexMethod::Linear).unwrap();
+            assert_eq!(index.search(&query, IndexMethod::Linear).unwrap(), hits);
+            assert_eq!(index.search(&query, IndexMethod::KdTree).unwrap(), hits);
         }
     }
 
     #[test]
     fn a_build_is_worthwhile_for_many_queries_over_many_uncovered_rows() {
         let mut index = line(10_000);
-        assert!(!index.is_build_worthwhile(249) && index.is_build_worthwhile(250));
+        assert!(!index.is_build_worthwhile(400) && index.is_build_worthwhile(500));
         assert!(index.suits_tree(100) && !index.suits_tree(101));
         index.rebuild();
         assert!(!index.is_build_worthwhile(1_000_000));
         (10_001..=13_000).for_each(|id| index.push(id, &[id as f32]).unwrap());
-        assert!(!index.is_build_worthwhile(1000) && index.is_build_worthwhile(1100));
+        assert!(!index.is_build_worthwhile(1000) && index.is_build_worthwhile(1200));
         assert!(!line(4000).is_build_worthwhile(1_000_000), "few rows are scanned");
     }
 }

@@ -250,7 +250,7 @@ fn nearest<const K: usize>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{IdFilter, Index, Method};
+    use super::super::{IdFilter, Index, IndexMethod};
     use super::*;
     use proptest::prelude::*;
 
@@ -304,7 +304,7 @@ mod tests {
                 for filter in [IdFilter::All, IdFilter::Predicate(&some)] {
                     for within in [None, Some(radius), Some(0.0)] {
                         let query = KnnQuery { point: query, k, within, filter, exclude: Some(7) };
-                        let expected = index.search(&query, Method::Linear).unwrap();
+                        let expected = index.search(&query, IndexMethod::Linear).unwrap();
                         let found = tree.search(&points, &query, Effort::ENDLESS);
                         prop_assert_eq!(bits(&found), bits(&expected), "{:?}", query);
                     }
@@ -334,7 +334,7 @@ mod tests {
                 point[1] += 0.01;
                 let nearest = KnnQuery::nearest(&point, 12);
                 for query in [nearest, nearest.within(0.2), nearest.filter(IdFilter::Predicate(&odd))] {
-                    let expected = index.search(&query, Method::Linear).unwrap();
+                    let expected = index.search(&query, IndexMethod::Linear).unwrap();
                     assert_eq!(bits(&tree.search(&points, &query, Effort::MEASURED)), bits(&expected));
                     assert_eq!(bits(&tree.search(&points, &query, Effort::ENDLESS)), bits(&expected));
                 }

@@ -7,7 +7,7 @@
 //! one query from a store that was just opened, reading few of its points.
 //!
 //! Results are exact: [`Metric::distance`](crate::space::Metric::distance) defines a distance to the bit, hits are ordered
-//! by (distance, id), ties at rank `k` go to the lower id, and every [`Method`] returns the same ids with the same bits of
+//! by (distance, id), ties at rank `k` go to the lower id, and every [`IndexMethod`] returns the same ids with the same bits of
 //! distance, whatever the tail, the tombstones, the filter, the number of threads and the CPU.
 //!
 //! The index knows neither disks nor descriptors. Of the rooms below it uses [`crate::space`], for the metric and for linear
@@ -21,6 +21,7 @@ mod index;
 mod kdtree;
 mod linear;
 mod lower_bound;
+mod method;
 mod multiversion;
 mod neighbour;
 mod pairs;
@@ -34,8 +35,9 @@ mod top_k;
 
 pub use disk_scan::DiskScan;
 pub use error::IndexError;
-pub use index::{Index, Method, UnknownMethod, should_rebuild};
+pub use index::{Index, should_rebuild};
 pub use kdtree::KdTree;
+pub use method::{IndexMethod, UnknownIndexMethod};
 pub use neighbour::Neighbour;
 pub use pairs::{Graph, Pair};
 pub use plan::{Plan, plan};

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{IdFilter, Index, IndexError, KnnQuery, Method, Neighbour};
+use super::{IdFilter, Index, IndexError, IndexMethod, KnnQuery, Neighbour};
 
 /// Two live rows and their distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,14 +57,14 @@ impl Index {
         let rows: Vec<(u64, &[f32])> = self.points().iter().collect();
         let neighbours = rows
             .par_iter()
-            .map(|&(id, point)| self.search(&KnnQuery::nearest(point, k).exclude(id), Method::Auto))
+            .map(|&(id, point)| self.search(&KnnQuery::nearest(point, k).exclude(id), IndexMethod::Auto))
             .collect::<Result<_, _>>()?;
         Ok(Graph { ids: rows.iter().map(|&(id, _)| id).collect(), neighbours })
     }
 
     /// The method for a small radius: the tree, if there is one.
-    fn range_method(&self) -> Method {
-        if self.covered() > 0 { Method::KdTree } else { Method::Linear }
+    fn range_method(&self) -> IndexMethod {
+        if self.covered() > 0 { IndexMethod::KdTree } else { IndexMethod::Linear }
     }
 }
 

@@ -49,9 +49,9 @@ fn scan_time(rows: usize) -> f64 {
     3.5 * rows as f64
 }
 
-/// Nanoseconds of a query to a tree: proportional to the square root of the rows, 250 us for a million.
+/// Nanoseconds of a query to a tree: proportional to the square root of the rows, 220 us for a million.
 fn tree_time(rows: usize) -> f64 {
-    250.0 * (rows as f64).sqrt()
+    220.0 * (rows as f64).sqrt()
 }
 
 /// Nanoseconds of a build: for each row 175 for every doubling of the rows beyond 1024, and 4 for each coordinate.

@@ -6,16 +6,16 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use super::Index;
 use crate::isolated::isolated;
 
-/// An index at one moment, with what its owner keeps in step with it. It never changes.
+/// An index at one moment, with data of its owner that belongs to it. It never changes.
 pub struct IndexState<T> {
-    /// What the owner keeps in step with the index, such as the revision that it is of.
+    /// Data of the owner that belongs to this index, such as the revision it was made of.
     pub owner: T,
     /// The index.
     pub index: Index,
 }
 
-/// The current state of an index and of what its owner keeps in step with it. A search uses a snapshot, so it sees the
-/// state before or after an update, never one in between.
+/// The current state of an index and of its owner's data. A search uses a snapshot, so it sees the state before or after
+/// an update, never one in between.
 ///
 /// At most one tree is built at a time. A build works on a snapshot and does not block searches or updates.
 pub struct SharedIndex<T> {
@@ -43,11 +43,11 @@ impl<T: Clone + Send + Sync + 'static> SharedIndex<T> {
 
     /// The current state.
     pub fn snapshot(&self) -> Arc<IndexState<T>> {
-        // States are replaced whole, so that what a thread left behind that panicked is whole too.
+        // A thread that panicked cannot have left half a state: states are replaced whole.
         Arc::clone(&self.current.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Changes the state: `change` works on a copy that shares memory, and becomes the current state when it returns.
+    /// Changes the state: `change` works on a copy that shares memory, which becomes the current state when it returns.
     ///
     /// Updates come one after another; snapshots are taken meanwhile. If `change` fails or panics, nothing has changed.
     ///
@@ -70,15 +70,20 @@ impl<T: Clone + Send + Sync + 'static> SharedIndex<T> {
             return false;
         }
         let shared = Arc::clone(self);
-        std::thread::spawn(move || {
+        let build = move || {
             let _ended = Ended(&shared.in_background);
             shared.build_if(Index::should_rebuild);
-        });
-        true
+        };
+        let started = std::thread::Builder::new().name("hlacdb-build".into()).spawn(build);
+        if started.is_err() {
+            // The system grants no more threads: a later query tries again.
+            self.in_background.store(false, Ordering::Release);
+        }
+        started.is_ok()
     }
 
-    /// Builds a tree if `due` says so of the current index; returns when it is there. A build that is already running is
-    /// waited for first.
+    /// Builds a tree if `due` is true of the current index, and returns when it is installed. Waits first for a build that
+    /// is already running.
     pub fn build_if(&self, due: impl Fn(&Index) -> bool) {
         let _one_at_a_time = lock(&self.builder);
         let before = self.snapshot();
@@ -88,16 +93,13 @@ impl<T: Clone + Send + Sync + 'static> SharedIndex<T> {
         let mut built = before.index.clone();
         isolated(|| built.rebuild());
         self.builds.fetch_add(1, Ordering::Relaxed);
-        let installed = self.update(|_, index| {
+        let Ok(()) = self.update(|_, index| {
             index.adopt(built, &before.index);
             Ok::<(), std::convert::Infallible>(())
         });
-        match installed {
-            Ok(()) => {}
-        }
     }
 
-    /// Whether a build in the background is under way.
+    /// Whether a background build is running.
     pub fn is_building(&self) -> bool {
         self.in_background.load(Ordering::Acquire)
     }
@@ -112,7 +114,7 @@ fn lock(mutex: &Mutex<()>) -> MutexGuard<'_, ()> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Notes that a background build has ended, however it ended.
+/// Marks a background build as ended when dropped, also if it panicked.
 struct Ended<'a>(&'a AtomicBool);
 
 impl Drop for Ended<'_> {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use hlacdb::index::{IdFilter, Index, KnnQuery, Method, Neighbour, Points};
+use hlacdb::index::{IdFilter, Index, IndexMethod, KnnQuery, Neighbour, Points};
 use hlacdb::space::Metric;
 use proptest::prelude::*;
 
@@ -146,7 +146,7 @@ proptest! {
         let at = |part: usize| distances.get(distances.len() * part / 10).copied().unwrap_or(1.0);
         for query in queries(&query, k, &ids, &odd, [at(1), at(6)]) {
             let expected = scene.brute(&query);
-            for method in [Method::Linear, Method::KdTree, Method::Auto] {
+            for method in [IndexMethod::Linear, IndexMethod::KdTree, IndexMethod::Auto] {
                 let found = index.search(&query, method).unwrap();
                 prop_assert_eq!(bits(&found), expected.clone(), "{} {:?}", method, query);
             }

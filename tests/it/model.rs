@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use hlacdb::index::Method;
+use hlacdb::index::IndexMethod;
 use hlacdb::volume::Volume;
 use hlacdb::{Added, Database, Error, Meta, Query, QueryError, ReindexOptions, TagEdit};
 use proptest::prelude::*;
@@ -120,8 +120,8 @@ impl Run {
             if let Some(value) = filter {
                 query = query.filter("t", value.to_string());
             }
-            let linear = self.database().query(&query.clone().index(Method::Linear)).unwrap();
-            let tree = self.database().query(&query.index(Method::KdTree)).unwrap();
+            let linear = self.database().query(&query.clone().index(IndexMethod::Linear)).unwrap();
+            let tree = self.database().query(&query.index(IndexMethod::KdTree)).unwrap();
             assert_eq!(linear.hits, tree.hits);
             let all = self.database().query(&Query::volume(&volume).k(usize::MAX).space(space)).unwrap().hits;
             assert_eq!(all.len(), self.model.len());

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use hlacdb::hlac::{MASK_COUNT, View};
-use hlacdb::index::Method;
+use hlacdb::index::IndexMethod;
 use hlacdb::store::Volumes;
 use hlacdb::{Answer, Combine, Database, Error, ExchangeError, OpenOptions, Query, QueryError, TagEdit, arrays};
 use proptest::prelude::*;
@@ -91,7 +91,7 @@ proptest! {
         let mut tagged = BTreeMap::new();
         tagged.insert("a", import(&writer, folder.path(), &descriptors(&first), "a"));
         // A state that grows: what comes now is a tail, what goes leaves tombstones.
-        writer.query(&Query::texture(1).index(Method::KdTree)).unwrap();
+        writer.query(&Query::texture(1).index(IndexMethod::KdTree)).unwrap();
         tagged.insert("b", import(&writer, folder.path(), &descriptors(&second), "b"));
         let all: Vec<u64> = tagged.values().flatten().copied().collect();
         let removed: Vec<u64> = removed.into_iter().filter(|id| *id > 1 && all.contains(id)).collect();
@@ -112,7 +112,7 @@ proptest! {
                     // A database that was just opened answers from the file.
                     let cold = OpenOptions::new().read_only(true).open(&path).unwrap();
                     prop_assert_eq!(bits(&cold.query(&asked.of(id)).unwrap()), expected.clone(), "file: {:?}", asked);
-                    for method in [Method::Auto, Method::Linear, Method::KdTree] {
+                    for method in [IndexMethod::Auto, IndexMethod::Linear, IndexMethod::KdTree] {
                         let answer = writer.query(&asked.of(id).index(method)).unwrap();
                         prop_assert_eq!(bits(&answer), expected.clone(), "{}: {:?}", method, asked);
                     }
@@ -139,7 +139,7 @@ fn many_rows_are_answered_from_the_file() {
         let (first, second) = (cold.query(&query).unwrap(), cold.query(&query).unwrap());
         assert!(!first.hits.is_empty());
         assert_eq!(first.hits, second.hits, "from the file, then from memory");
-        assert_eq!(first.hits, writer.query(&query.clone().index(Method::KdTree)).unwrap().hits);
+        assert_eq!(first.hits, writer.query(&query.clone().index(IndexMethod::KdTree)).unwrap().hits);
     }
 }
 

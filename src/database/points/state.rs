@@ -9,7 +9,7 @@ use super::stored::{StoredPoints, mapped_points};
 use crate::TextureId;
 use crate::database::handle::{Database, held};
 use crate::error::{Error, chain};
-use crate::index::{Index, IndexState, Method, Points, SharedIndex};
+use crate::index::{Index, IndexMethod, IndexState, Points, SharedIndex};
 use crate::isolated::isolated;
 use crate::space::{Metric, Space};
 use crate::store::{DESCRIPTOR_ROWS, Reads, Record, Rows, Snapshot};
@@ -72,20 +72,20 @@ impl LiveSpace {
     ///
     /// If the tree is asked for by name, or so many queries make it worthwhile, it is there when this returns. Otherwise,
     /// once a few queries were counted, it is built in the background, and queries are answered by the scan meanwhile.
-    pub(crate) fn prepare(&self, method: Method, ks: &[usize]) {
+    pub(crate) fn prepare(&self, method: IndexMethod, ks: &[usize]) {
         let state = self.state();
         let queries = ks.iter().filter(|&&k| state.index.suits_tree(k)).count();
         let counted = self.queries.fetch_add(queries as u64, Ordering::Relaxed) + queries as u64;
         match method {
-            Method::Linear => {}
-            Method::KdTree => self.points.build_if(|index| index.covered() == 0 || index.should_rebuild()),
-            Method::Auto if state.index.is_build_worthwhile(queries) => {
+            IndexMethod::Linear => {}
+            IndexMethod::KdTree => self.points.build_if(|index| index.covered() == 0 || index.should_rebuild()),
+            IndexMethod::Auto if state.index.is_build_worthwhile(queries) => {
                 self.points.build_if(|index| index.is_build_worthwhile(queries));
             }
-            Method::Auto if counted >= QUERIES_WORTH_A_TREE => {
+            IndexMethod::Auto if counted >= QUERIES_WORTH_A_TREE => {
                 self.points.build_in_background();
             }
-            Method::Auto => {}
+            IndexMethod::Auto => {}
         }
     }
 }

@@ -158,7 +158,7 @@ impl<'a> Execution<'a> {
             }
             PointSource::Disk(space) => {
                 let neighbours = from_disk::search(&self.snapshot, query.space_name(), space, question)?;
-                Ok((neighbours, crate::index::Method::Linear.name()))
+                Ok((neighbours, crate::index::IndexMethod::Linear.name()))
             }
         }
     }

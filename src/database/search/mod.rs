@@ -20,7 +20,7 @@ use serde::Serialize;
 
 use crate::database::scheme::DEFAULT_SPACE;
 use crate::error::QueryError;
-use crate::index::Method;
+use crate::index::IndexMethod;
 use crate::space::Descriptor;
 use crate::volume::Volume;
 use crate::{TagFilter, TextureId};
@@ -94,7 +94,7 @@ pub struct Query<'a> {
     within: Option<f64>,
     filters: Vec<TagFilter>,
     space: Option<String>,
-    index: Method,
+    index: IndexMethod,
     exclude_self: bool,
 }
 
@@ -107,7 +107,7 @@ impl<'a> Query<'a> {
             within: None,
             filters: Vec::new(),
             space: None,
-            index: Method::Auto,
+            index: IndexMethod::Auto,
             exclude_self: false,
         }
     }
@@ -214,7 +214,7 @@ impl<'a> Query<'a> {
 
     /// By which index; the answer is the same to the bit.
     #[must_use]
-    pub fn index(mut self, index: Method) -> Self {
+    pub fn index(mut self, index: IndexMethod) -> Self {
         self.index = index;
         self
     }

@@ -11,7 +11,7 @@ use crate::database::exchange::arrays::NpyRows;
 use crate::database::handle::Database;
 use crate::database::scheme::DEFAULT_SPACE;
 use crate::error::{Error, QueryError};
-use crate::index::{KnnQuery, Method};
+use crate::index::{IndexMethod, KnnQuery};
 use crate::progress::Progress;
 use crate::store::Reads;
 
@@ -99,7 +99,7 @@ impl Database {
                 return Err(Error::Cancelled);
             }
             let near = some.par_iter().map(|&id| match state.index.points().point(id) {
-                Some(point) => state.index.search(&KnnQuery::nearest(point, k).exclude(id), Method::Auto),
+                Some(point) => state.index.search(&KnnQuery::nearest(point, k).exclude(id), IndexMethod::Auto),
                 None => Ok(Vec::new()),
             });
             for near in near.collect::<Result<Vec<_>, _>>()? {

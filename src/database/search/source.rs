@@ -7,7 +7,7 @@ use crate::database::handle::Database;
 use crate::database::points::spaces;
 use crate::database::points::state::SpaceState;
 use crate::error::Error;
-use crate::index::Method;
+use crate::index::IndexMethod;
 use crate::space::Space;
 use crate::store::{Reads, Snapshot};
 
@@ -44,10 +44,10 @@ impl Database {
         &self,
         snapshot: &Snapshot,
         name: &str,
-        method: Method,
+        method: IndexMethod,
         k: usize,
     ) -> Result<PointSource, Error> {
-        let may_be_first = method != Method::KdTree && self.spaces.get(name).is_none();
+        let may_be_first = method != IndexMethod::KdTree && self.spaces.get(name).is_none();
         if may_be_first && self.spaces.is_first_query(name) {
             let space = Arc::new(spaces::load(snapshot, name)?);
             if from_disk::is_possible(snapshot, name, &space)? {
@@ -63,7 +63,7 @@ impl Database {
         &self,
         snapshot: &Snapshot,
         name: &str,
-        method: Method,
+        method: IndexMethod,
         ks: &[usize],
     ) -> Result<Arc<SpaceState>, Error> {
         let live = self.live_space(snapshot, name)?;
@@ -75,7 +75,7 @@ impl Database {
     pub(crate) fn points_with_tree(&self, name: &str) -> Result<(Snapshot, Arc<SpaceState>), Error> {
         loop {
             let snapshot = self.store().read()?;
-            let state = self.points_in_memory(&snapshot, name, Method::KdTree, &[])?;
+            let state = self.points_in_memory(&snapshot, name, IndexMethod::KdTree, &[])?;
             if state.owner.revision == snapshot.revision() {
                 return Ok((snapshot, state));
             }

@@ -10,7 +10,7 @@ use crate::database::Database;
 use crate::database::points::state::LiveSpace;
 use crate::database::scheme::DEFAULT_SPACE;
 use crate::hlac::{MASK_COUNT, View};
-use crate::index::Method;
+use crate::index::IndexMethod;
 use crate::store::{NewTexture, ViewCode};
 use crate::{OpenOptions, Query};
 
@@ -33,10 +33,10 @@ fn live(database: &Database) -> Arc<LiveSpace> {
 }
 
 /// Queries by `method`, one after another, and the indexes that answered them. The hits are those of the scan, to the bit.
-fn query_each(database: &Database, ids: impl Iterator<Item = u64>, method: Method) -> Vec<&'static str> {
+fn query_each(database: &Database, ids: impl Iterator<Item = u64>, method: IndexMethod) -> Vec<&'static str> {
     let query = |id| {
         let by = |method| database.query(&Query::texture(id).k(5).index(method)).unwrap();
-        let (answer, scanned) = (by(method), by(Method::Linear));
+        let (answer, scanned) = (by(method), by(IndexMethod::Linear));
         let bits = |answer: &crate::Answer| -> Vec<(u64, u64)> {
             answer.hits.iter().map(|hit| (hit.id.get(), hit.distance.to_bits())).collect()
         };
@@ -54,13 +54,13 @@ fn many_queries_from_several_threads_build_one_tree() {
     std::thread::scope(|threads| {
         for thread in 0..4 {
             let database = &database;
-            threads.spawn(move || query_each(database, (1..=40).map(|n| n * 100 + thread), Method::Auto));
+            threads.spawn(move || query_each(database, (1..=40).map(|n| n * 100 + thread), IndexMethod::Auto));
         }
     });
     let live = live(&database);
     live.wait_for_build();
     assert_eq!(live.builds(), 1);
-    assert_eq!(query_each(&database, 1..20, Method::Auto), ["kdtree"; 19]);
+    assert_eq!(query_each(&database, 1..20, IndexMethod::Auto), ["kdtree"; 19]);
     live.wait_for_build();
     assert_eq!(live.builds(), 1);
 }
@@ -69,18 +69,18 @@ fn many_queries_from_several_threads_build_one_tree() {
 fn mass_removal_compacts_once_and_is_not_rebuilt_again() {
     let folder = tempfile::tempdir().unwrap();
     let database = filled(folder.path(), 7000);
-    query_each(&database, 1..30, Method::Auto);
+    query_each(&database, 1..30, IndexMethod::Auto);
     live(&database).wait_for_build();
     assert_eq!(live(&database).builds(), 1);
     database.remove(1..=2400).unwrap();
     for _ in 0..6 {
-        query_each(&database, 3000..3010, Method::Auto);
+        query_each(&database, 3000..3010, IndexMethod::Auto);
         live(&database).wait_for_build();
     }
     assert_eq!(live(&database).builds(), 2, "one build for the removal");
     let points = live(&database).state().index.points().clone();
     assert_eq!((points.rows(), points.removed()), (4600, 0));
-    assert_eq!(query_each(&database, 5000..5010, Method::Auto), ["kdtree"; 10]);
+    assert_eq!(query_each(&database, 5000..5010, IndexMethod::Auto), ["kdtree"; 10]);
 }
 
 #[test]
@@ -91,13 +91,13 @@ fn a_large_batch_builds_the_tree_first_and_a_small_one_does_not() {
         let queries: Vec<Query<'_>> = ids.map(|id| Query::texture(id).k(5).index(method)).collect();
         database.query_all(&queries).unwrap()
     };
-    let small = batch(1..5, Method::Auto);
+    let small = batch(1..5, IndexMethod::Auto);
     assert!(small.iter().all(|answer| answer.index == "linear"));
     assert_eq!(live(&database).builds(), 0);
-    let all = batch(1..2001, Method::Auto);
+    let all = batch(1..2001, IndexMethod::Auto);
     assert!(all.iter().all(|answer| answer.index == "kdtree"));
     assert_eq!(live(&database).builds(), 1);
-    for (answer, scanned) in all.iter().zip(batch(1..2001, Method::Linear)) {
+    for (answer, scanned) in all.iter().zip(batch(1..2001, IndexMethod::Linear)) {
         assert_eq!(answer.hits, scanned.hits);
     }
     // Queries that no tree answers build none.
