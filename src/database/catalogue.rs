@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Serialize, Serializer};
 
-use super::handle::held;
+use super::locks::held;
 use super::texture::ContentHash;
 use crate::error::Error;
 use crate::store::{Reads, Record, Snapshot, StoreError};

@@ -1,6 +1,7 @@
 //! Changes: every one a transaction, statistics and points included.
 
-use super::handle::{Database, held};
+use super::handle::Database;
+use super::locks::held;
 use super::points::spaces::keep_points;
 use super::points::statistics_cache::StatisticsCache;
 use crate::error::Error;

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, RwLock};
 
 use super::catalogue::Catalogue;
-use super::points::state::LiveSpaces;
+use super::filter::FilterCache;
+use super::points::live::LiveSpaces;
 use super::points::statistics_cache::StatisticsCache;
-use super::texture::Filtered;
 use crate::error::Error;
 use crate::store::{Reads, Store};
 
@@ -36,7 +36,7 @@ pub struct Database {
     /// Held while points are loaded, so that several threads that need them load them once.
     pub(crate) loading: Mutex<()>,
     /// The textures that the last filter let through.
-    pub(crate) filtered: Mutex<Option<Filtered>>,
+    pub(crate) filters: FilterCache,
     /// The newest list of textures that was asked for.
     pub(crate) catalogue: RwLock<Option<Arc<Catalogue>>>,
     /// Held while a list is read, so that threads that ask at once read it once.
@@ -44,14 +44,6 @@ pub struct Database {
 }
 
 impl Database {
-    /// Opens the store at `path` for reading and writing, and makes it where there is none. [`OpenOptions`] has more.
-    ///
-    /// # Errors
-    /// [`Error::Open`]: the file is not a store, has a newer or older format, or is open for writing elsewhere.
-    pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
-        super::OpenOptions::new().open(path)
-    }
-
     /// Where the store is.
     pub fn path(&self) -> &Path {
         &self.path
@@ -76,11 +68,6 @@ impl Database {
     pub(crate) fn store(&self) -> &Store {
         &self.store
     }
-}
-
-/// A lock's content, whether or not a thread panicked while it held it: what it guards is replaced whole, never half.
-pub(crate) fn held<T>(locked: Result<T, std::sync::PoisonError<T>>) -> T {
-    locked.unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 #[cfg(test)]

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Mutex, RwLock};
 
+use super::filter::FilterCache;
 use super::handle::Database;
-use super::points::state::LiveSpaces;
+use super::points::live::LiveSpaces;
 use super::points::statistics_cache::StatisticsCache;
 use crate::error::Error;
 use crate::hlac::View;
@@ -127,7 +128,7 @@ impl OpenOptions {
             statistics: Mutex::new(StatisticsCache::default()),
             spaces: LiveSpaces::default(),
             loading: Mutex::new(()),
-            filtered: Mutex::new(None),
+            filters: FilterCache::default(),
             catalogue: RwLock::default(),
             listing: Mutex::new(()),
         }
@@ -136,5 +137,15 @@ impl OpenOptions {
     fn settings(&self) -> Settings {
         let views = self.views.iter().map(|view| ViewCode(view.code())).collect();
         Settings { views, volumes: self.volumes, further: BTreeMap::new() }
+    }
+}
+
+impl Database {
+    /// Opens the store at `path` for reading and writing, and makes it where there is none. [`OpenOptions`] has more.
+    ///
+    /// # Errors
+    /// [`Error::Open`]: the file is not a store, has a newer or older format, or is open for writing elsewhere.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
+        OpenOptions::new().open(path)
     }
 }

@@ -3,15 +3,12 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use serde::{Serialize, Serializer};
 
-use super::handle::{Database, held};
-use crate::error::Error;
-use crate::store::{Cut, NewTexture, Provenance, Reads, Record, RecordedMapping, Snapshot, StoreError, path_bytes};
+use crate::TextureId;
+use crate::store::{Cut, NewTexture, Provenance, Record, RecordedMapping, path_bytes};
 use crate::volume::{Shape, VolumeSource, display_path};
-use crate::{TagFilter, TextureId};
 
 /// The place of a texture that was cut out of a larger volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -163,65 +160,4 @@ impl From<Record> for Texture {
             source: record.provenance,
         }
     }
-}
-
-/// The textures that a filter let through at a revision of the store.
-pub(crate) struct Filtered {
-    revision: u64,
-    filters: Vec<TagFilter>,
-    ids: Arc<Vec<u64>>,
-}
-
-impl Database {
-    /// The ids, ascending, of the textures that carry all of these tags; `None` where no tag is asked for. What the last
-    /// filter gave is kept: queries often come in rows.
-    pub(crate) fn tagged(&self, snapshot: &Snapshot, filters: &[TagFilter]) -> Result<Option<Arc<Vec<u64>>>, Error> {
-        if filters.is_empty() {
-            return Ok(None);
-        }
-        let fits = |last: &&Filtered| last.revision == snapshot.revision() && last.filters == filters;
-        if let Some(last) = held(self.filtered.lock()).as_ref().filter(fits) {
-            return Ok(Some(Arc::clone(&last.ids)));
-        }
-        let ids = Arc::new(tagged_with_all(snapshot, filters)?.unwrap_or_default());
-        let (revision, filters) = (snapshot.revision(), filters.to_vec());
-        *held(self.filtered.lock()) = Some(Filtered { revision, filters, ids: Arc::clone(&ids) });
-        Ok(Some(ids))
-    }
-}
-
-/// The ids, ascending, of the textures that carry all of these tags; `None` where no tag is asked for.
-pub(crate) fn tagged_with_all(state: &impl Reads, filters: &[TagFilter]) -> Result<Option<Vec<u64>>, Error> {
-    let mut allowed: Option<Vec<u64>> = None;
-    for filter in filters {
-        let (key, value) = (filter.key(), filter.value());
-        let ids = match state.tagged(key, value) {
-            Err(StoreError::Damage(damage)) => {
-                tracing::warn!("{damage}: the tags are read from the records, one by one");
-                tagged_by_record(state, key, value)?
-            }
-            ids => ids?,
-        };
-        allowed = Some(match allowed {
-            None => ids,
-            Some(mut both) => {
-                both.retain(|id| ids.binary_search(id).is_ok());
-                both
-            }
-        });
-    }
-    Ok(allowed)
-}
-
-/// The ids of the textures that carry a tag, as their records say.
-fn tagged_by_record(state: &impl Reads, key: &str, value: &str) -> Result<Vec<u64>, Error> {
-    let mut ids = Vec::new();
-    for record in state.records() {
-        match record {
-            Ok(record) if record.tags.get(key).is_some_and(|held| held == value) => ids.push(record.id),
-            Ok(_) | Err(StoreError::Damage(_)) => {}
-            Err(error) => return Err(error.into()),
-        }
-    }
-    Ok(ids)
 }

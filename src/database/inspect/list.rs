@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use crate::database::catalogue::Catalogue;
-use crate::database::handle::{Database, held};
+use crate::database::handle::Database;
+use crate::database::locks::held;
 use crate::error::Error;
 use crate::store::Reads;
 

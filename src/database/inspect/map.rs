@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::TextureId;
 use crate::database::handle::Database;
-use crate::database::points::state::SpaceState;
+use crate::database::points::live::SpaceState;
 use crate::error::Error;
 use crate::index::Points;
 use crate::space::linalg::{axpy, dot_in_order, orthogonal_iteration};

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use crate::database::filter::tagged_with_all;
 use crate::database::handle::Database;
 use crate::database::points::descriptors::{known, known_descriptor};
-use crate::database::texture::{Texture, tagged_with_all};
+use crate::database::texture::Texture;
 use crate::error::Error;
 use crate::hlac::Sums;
 use crate::space::Descriptor;

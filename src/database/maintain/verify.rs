@@ -5,7 +5,8 @@ use std::ops::ControlFlow;
 
 use serde::Serialize;
 
-use crate::database::handle::{Database, held};
+use crate::database::handle::Database;
+use crate::database::locks::held;
 use crate::database::points::contributions::{contribution_blocks, with_full};
 use crate::database::points::stored::{StoredPoints, mapped_points};
 use crate::database::points::{spaces, statistics_cache};

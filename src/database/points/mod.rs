@@ -2,7 +2,8 @@
 
 pub(crate) mod contributions;
 pub(crate) mod descriptors;
+pub(crate) mod live;
+pub(crate) mod loading;
 pub(crate) mod spaces;
-pub(crate) mod state;
 pub(crate) mod statistics_cache;
 pub(crate) mod stored;

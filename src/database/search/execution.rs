@@ -101,7 +101,7 @@ impl<'a> Execution<'a> {
     fn answer(&self, query: &Query<'_>) -> Result<Answer, Error> {
         let points: Points =
             query.examples.iter().map(|example| self.point(example, query)).collect::<Result<_, _>>()?;
-        let allowed = self.database.tagged(&self.snapshot, &query.filters)?;
+        let allowed = self.database.filters.tagged(&self.snapshot, &query.filters)?;
         let mut warnings = self.warnings(query, allowed.as_deref().map(Vec::as_slice))?;
         let began = Instant::now();
         let k = query.limit();

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::from_disk;
 use crate::database::handle::Database;
+use crate::database::points::live::SpaceState;
 use crate::database::points::spaces;
-use crate::database::points::state::SpaceState;
 use crate::error::Error;
 use crate::index::IndexMethod;
 use crate::space::Space;
@@ -58,7 +58,7 @@ impl Database {
     }
 
     /// The points of a space at the revision of `snapshot` or a later one, ready for queries for these numbers of
-    /// neighbours: see [`LiveSpace::prepare`](crate::database::points::state::LiveSpace::prepare).
+    /// neighbours: see [`LiveSpace::prepare`](crate::database::points::live::LiveSpace::prepare).
     pub(crate) fn points_in_memory(
         &self,
         snapshot: &Snapshot,

@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::database::Database;
-use crate::database::points::state::LiveSpace;
+use crate::database::points::live::LiveSpace;
 use crate::database::scheme::DEFAULT_SPACE;
 use crate::hlac::{MASK_COUNT, View};
 use crate::index::IndexMethod;
