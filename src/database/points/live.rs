@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, RwLock};
 
 use crate::database::locks::held;
 use crate::error::Error;
-use crate::index::{Index, IndexState, IndexMethod, SharedIndex};
+use crate::index::{Index, IndexMethod, IndexState, SharedIndex};
 use crate::space::Space;
 use crate::store::{Reads, Record, Snapshot};
 
