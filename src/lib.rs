@@ -29,7 +29,7 @@
 //! | [`store`] | records | bytes on disk |
 //! | [`synth`] | recipes | voxels |
 //! | [`Database`], [`ingest`], [`Query`], [`eval`] | all of them | answers |
-//! | [`render`] | volumes, answers | pictures |
+//! | `render` | volumes, answers | pictures |
 
 #![deny(unsafe_code)]
 
@@ -43,6 +43,7 @@ mod isolated;
 #[path = "../migrations/mod.rs"]
 pub mod migrations;
 mod progress;
+#[cfg(feature = "render")]
 pub mod render;
 #[cfg(feature = "serve")]
 pub mod serve;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 use hlacdb::eval::{self, Evaluation};
-use hlacdb::render::plot;
+use hlacdb::render;
 use hlacdb::volume::display_path;
 
 use super::bars::Bars;
@@ -53,7 +53,7 @@ impl Eval {
         let evaluation = eval::evaluate(&database, &self.label, self.k, &spaces, &bars)?;
         drop(bars);
         if let Some(path) = &self.plot {
-            plot::write(path, &plot::evaluation(&evaluation)?)?;
+            render::write_svg(path, &render::evaluation_plot(&evaluation)?)?;
             context.note(&format!("wrote {}", display_path(path)));
         }
         if context.json {

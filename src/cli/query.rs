@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Args};
 use hlacdb::hlac::View;
 use hlacdb::index::IndexMethod;
-use hlacdb::render::sheet;
+use hlacdb::render::{self, ContactSheetOptions};
 use hlacdb::space::Descriptor;
 use hlacdb::volume::{self, Volume};
 use hlacdb::{Answer, Combine, Database, Query as Question, arrays};
@@ -209,36 +209,16 @@ fn print(context: &mut Context, answer: &Answer) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The paper's Figure 6: the example first, then the hits whose voxels are stored.
+/// Writes the contact sheet of an answer.
 pub(super) fn write_sheet(
     database: &Database,
-    example: Option<&Volume>,
-    title: &str,
+    query: Option<&Volume>,
+    name: &str,
     answer: &Answer,
     path: &std::path::Path,
 ) -> Result<(), Failure> {
-    let mut volumes = Vec::with_capacity(answer.hits.len());
-    for hit in &answer.hits {
-        if let Some(volume) = database.volume(hit.id)? {
-            volumes.push((hit, volume));
-        }
+    match render::answer_sheet(database, query, name, answer, &ContactSheetOptions::new())? {
+        Some(sheet) => Ok(sheet.write_png(path)?),
+        None => Err(Failure::sentence("neither the query nor its hits have stored voxels: there is nothing to draw")),
     }
-    let mut panels = Vec::with_capacity(volumes.len() + 1);
-    if let Some(volume) = example {
-        panels.push(sheet::Panel { volume, caption: vec![title.to_owned(), "the query".into()] });
-    }
-    for (hit, volume) in &volumes {
-        let caption =
-            vec![format!("{}. {}", hit.rank, hit.name), format!("id {}  distance {:.4}", hit.id, hit.distance)];
-        panels.push(sheet::Panel { volume, caption });
-    }
-    if panels.is_empty() {
-        return Err(Failure::sentence("no voxels are stored of the example or its hits: there is nothing to draw"));
-    }
-    let layout = sheet::Layout {
-        title: Some(format!("Nearest to {title}, space {}", answer.space)),
-        query_first: example.is_some(),
-        ..sheet::Layout::default()
-    };
-    Ok(sheet::write_png(&sheet::draw(&panels, &layout), path)?)
 }

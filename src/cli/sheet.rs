@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use hlacdb::{render::sheet, volume::display_path};
+use hlacdb::render::{self, ContactSheetOptions, SliceAxis};
+use hlacdb::volume::display_path;
 
-use super::table::tags;
 use super::values::{png, whole};
 use super::{Context, Failure, Outcome};
 
@@ -25,7 +25,7 @@ pub(crate) struct Sheet {
 
     /// Slices across which axis: z, y or x
     #[arg(long, value_name = "AXIS", default_value = "z")]
-    axis: sheet::Axis,
+    axis: SliceAxis,
 
     /// Slices in a row
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=64))]
@@ -47,14 +47,11 @@ impl Sheet {
             )));
         };
         let out = self.out.unwrap_or_else(|| PathBuf::from(format!("texture-{}.png", self.id)));
-        let caption = vec![texture.name.clone(), format!("id {}", texture.id), tags(&texture.tags)];
-        let layout = sheet::Layout {
-            columns: usize::from(self.columns),
-            slices: usize::from(self.slices),
-            axis: self.axis,
-            ..sheet::Layout::default()
-        };
-        sheet::write_png(&sheet::draw_one(&sheet::Panel { volume: &volume, caption }, &layout), &out)?;
+        let options = ContactSheetOptions::new()
+            .columns(usize::from(self.columns))
+            .slices(usize::from(self.slices))
+            .axis(self.axis);
+        render::texture_sheet(&texture, &volume, &options).write_png(&out)?;
         if context.json {
             context.print_json(&serde_json::json!({ "id": self.id, "sheet": display_path(&out) }))?;
         } else {

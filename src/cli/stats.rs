@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use hlacdb::hlac::MASKS;
-use hlacdb::render::plot;
+use hlacdb::render;
 use hlacdb::volume::display_path;
 use hlacdb::{DEFAULT_SPACE, StatisticsReport, arrays};
 
@@ -49,7 +49,7 @@ impl Stats {
             context.note(&format!("wrote {}", display_path(path)));
         }
         if let Some(path) = &self.plot {
-            plot::write(path, &plot::statistics(&report)?)?;
+            render::write_svg(path, &render::statistics_plot(&report)?)?;
             context.note(&format!("wrote {}", display_path(path)));
         }
         if context.json {

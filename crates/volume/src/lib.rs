@@ -54,4 +54,4 @@ pub use reading::{SlabReader, VolumeFile, VolumeSlab, VolumeSource, read};
 pub use rescaling::{Calibration, Intensity, IntensityError, Mapping};
 pub use samples::{Endian, SampleType, Samples};
 pub use text::display_path;
-pub use voxels::{LengthUnit, MIN_SIDE, Shape, Volume, VoxelSpacing};
+pub use voxels::{LengthUnit, MIN_SIDE, Shape, Volume, VoxelSpacing, blocks};

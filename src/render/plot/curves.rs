@@ -1,23 +1,23 @@
-//! A panel of curves over common axes.
+//! A panel of curves over shared axes.
 
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
-use super::PlotError;
-use super::page::{Area, FAINT, GRID, INK, Stand, colour, font, px, refused, text};
+use super::RenderError;
+use super::page::{Anchor, Area, FAINT, GRID, INK, color, font, px, plot_error, text};
 
-/// One line of a panel.
+/// One curve of a panel.
 pub(super) struct Curve<'a> {
-    /// The space's number: its colour and its mark.
+    /// The number of the space, which decides colour and mark.
     pub(super) number: usize,
     /// Points (x, y).
     pub(super) points: &'a [(f64, f64)],
-    /// Points that carry a mark: every so manieth.
-    pub(super) every: usize,
+    /// Every n-th point carries a mark.
+    pub(super) mark_every: usize,
 }
 
-/// The axes of a panel; y goes from 0 to 1.
-pub(super) struct Axes<'a> {
+/// The axes of a panel. Y always runs from 0 to 1.
+pub(super) struct PlotAxes<'a> {
     pub(super) title: &'a str,
     pub(super) across: &'a str,
     pub(super) from: f64,
@@ -26,14 +26,14 @@ pub(super) struct Axes<'a> {
     pub(super) decimals: usize,
 }
 
-/// Draws curves, the first one last (on top); a dashed line for what could be reached at best.
+/// Draws the curves, the first one on top, and a dashed line for the best possible values.
 pub(super) fn panel(
     area: &Area<'_>,
-    axes: &Axes<'_>,
+    axes: &PlotAxes<'_>,
     curves: &[Curve<'_>],
     best: Option<&[(f64, f64)]>,
-) -> Result<(), PlotError> {
-    text(area, axes.title, (40.0, 12.0), &font(13.0, INK, Stand::Left))?;
+) -> Result<(), RenderError> {
+    text(area, axes.title, (40.0, 12.0), &font(13.0, INK, Anchor::Left))?;
     let small = ("sans-serif", f64::from(px(11.0)) * 1.24);
     let mut chart = ChartBuilder::on(area)
         .margin_top(px(28.0))
@@ -42,7 +42,7 @@ pub(super) fn panel(
         .x_label_area_size(px(38.0))
         .y_label_area_size(px(40.0))
         .build_cartesian_2d(axes.from..axes.to, 0.0..1.0)
-        .map_err(refused)?;
+        .map_err(plot_error)?;
     chart
         .configure_mesh()
         .x_labels(axes.ticks)
@@ -57,15 +57,15 @@ pub(super) fn panel(
         .x_label_formatter(&|x| format!("{x:.*}", axes.decimals))
         .y_label_formatter(&|y| format!("{y:.1}"))
         .draw()
-        .map_err(refused)?;
+        .map_err(plot_error)?;
     if let Some(best) = best {
         let dashes = DashedLineSeries::new(best.iter().copied(), px(4.0), px(4.0), FAINT.stroke_width(px(1.2) as u32));
-        chart.draw_series(dashes).map_err(refused)?;
+        chart.draw_series(dashes).map_err(plot_error)?;
     }
     for curve in curves.iter().rev() {
-        let ink = colour(curve.number);
+        let ink = color(curve.number);
         let line = LineSeries::new(curve.points.iter().copied(), ink.stroke_width(px(1.8).unsigned_abs()));
-        chart.draw_series(line).map_err(refused)?;
+        chart.draw_series(line).map_err(plot_error)?;
         marks(&mut chart, curve)?;
     }
     Ok(())
@@ -73,10 +73,10 @@ pub(super) fn panel(
 
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// Marks some points of a curve by a shape of its own, for those who cannot tell the colours apart.
-fn marks(chart: &mut Chart<'_, '_>, curve: &Curve<'_>) -> Result<(), PlotError> {
-    let points = curve.points.iter().copied().step_by(curve.every.max(1)).map(EmptyElement::at);
-    let ink = colour(curve.number).filled();
+/// Marks some points of a curve by a shape of its own, for readers who cannot tell the colours apart.
+fn marks(chart: &mut Chart<'_, '_>, curve: &Curve<'_>) -> Result<(), RenderError> {
+    let points = curve.points.iter().copied().step_by(curve.mark_every.max(1)).map(EmptyElement::at);
+    let ink = color(curve.number).filled();
     let drawn = match curve.number % 5 {
         0 => chart.draw_series(points.map(|at| at + disc(ink))).map(|_| ()),
         1 => chart.draw_series(points.map(|at| at + polygon(&TRIANGLE, ink))).map(|_| ()),
@@ -84,10 +84,10 @@ fn marks(chart: &mut Chart<'_, '_>, curve: &Curve<'_>) -> Result<(), PlotError> 
         3 => chart.draw_series(points.map(|at| at + polygon(&DIAMOND, ink))).map(|_| ()),
         _ => chart.draw_series(points.map(|at| at + polygon(&WEDGE, ink))).map(|_| ()),
     };
-    drawn.map_err(refused)
+    drawn.map_err(plot_error)
 }
 
-/// Corners of marks, in pixels from the point.
+/// The corners of marks, in pixels from the point.
 const TRIANGLE: [(f64, f64); 3] = [(0.0, -4.4), (4.0, 3.0), (-4.0, 3.0)];
 const WEDGE: [(f64, f64); 3] = [(0.0, 4.4), (4.0, -3.0), (-4.0, -3.0)];
 const SQUARE: [(f64, f64); 4] = [(-3.0, -3.0), (3.0, -3.0), (3.0, 3.0), (-3.0, 3.0)];
@@ -101,17 +101,17 @@ fn polygon(corners: &[(f64, f64)], ink: ShapeStyle) -> Polygon<(i32, i32)> {
     Polygon::new(corners.iter().map(|&(x, y)| (px(x), px(y))).collect::<Vec<_>>(), ink)
 }
 
-/// The mark of a space beside its name.
-pub(super) fn key(area: &Area<'_>, number: usize, at: (f64, f64)) -> Result<(), PlotError> {
-    super::page::line(area, (at.0 - 11.0, at.1), (at.0 + 11.0, at.1), colour(number), 1.8)?;
-    let place = EmptyElement::at((px(at.0), px(at.1)));
-    let ink = colour(number).filled();
+/// Draws the line and mark of a space, for the legend.
+pub(super) fn legend_mark(area: &Area<'_>, number: usize, at: (f64, f64)) -> Result<(), RenderError> {
+    super::page::line(area, (at.0 - 11.0, at.1), (at.0 + 11.0, at.1), color(number), 1.8)?;
+    let centre = EmptyElement::at((px(at.0), px(at.1)));
+    let ink = color(number).filled();
     let drawn = match number % 5 {
-        0 => area.draw(&(place + disc(ink))),
-        1 => area.draw(&(place + polygon(&TRIANGLE, ink))),
-        2 => area.draw(&(place + polygon(&SQUARE, ink))),
-        3 => area.draw(&(place + polygon(&DIAMOND, ink))),
-        _ => area.draw(&(place + polygon(&WEDGE, ink))),
+        0 => area.draw(&(centre + disc(ink))),
+        1 => area.draw(&(centre + polygon(&TRIANGLE, ink))),
+        2 => area.draw(&(centre + polygon(&SQUARE, ink))),
+        3 => area.draw(&(centre + polygon(&DIAMOND, ink))),
+        _ => area.draw(&(centre + polygon(&WEDGE, ink))),
     };
-    drawn.map_err(refused)
+    drawn.map_err(plot_error)
 }

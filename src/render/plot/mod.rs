@@ -1,14 +1,10 @@
-//! Plots as SVG: what [`eval`](crate::eval) measured, and what the statistics of a store look like.
+//! Plots as SVG, drawn from reports: retrieval measures of [`eval`](crate::eval), and the statistics of a store.
 //!
-//! The one place for plots. A plot is drawn from plain data (a report that was made before), and is a text: a valid XML
-//! document on a light ground with a title and a description for those who do not see it, the same bytes for the same
-//! data on every machine. No font is read or embedded: text is laid out by an estimate and drawn in whatever sans-serif
-//! the viewer has.
-//!
-//! Colours are told apart by the colour-blind too (Okabe and Ito's), and curves by their marks as well. Pictures of
-//! volumes are drawn elsewhere: [`crate::render::sheet`](crate::crate::render::sheet).
+//! A plot is a valid XML document on a white background with a title and a description for screen readers. Fonts are not
+//! read or embedded: text is laid out by an estimate and drawn in the viewer's sans-serif typeface. Colours are told apart
+//! by colour-blind readers too (the palette of Okabe and Ito), and curves also carry marks of different shapes.
 
-mod classes;
+mod bars;
 mod curves;
 mod page;
 mod retrieval;
@@ -18,45 +14,17 @@ mod statistics;
 mod tests;
 
 use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use crate::volume::display_path;
+use super::RenderError;
 
-pub use retrieval::evaluation;
-pub use statistics::statistics;
+pub use retrieval::evaluation_plot;
+pub use statistics::statistics_plot;
 
-/// A plot that could not be made.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum PlotError {
-    /// There are no data.
-    #[error("there is nothing to plot: {missing}")]
-    Nothing {
-        /// What is missing.
-        missing: &'static str,
-    },
-    /// The drawing library refused.
-    #[error("the plot cannot be drawn: {why}")]
-    Draw {
-        /// Its own words.
-        why: String,
-    },
-    /// The operating system refused.
-    #[error("the plot cannot be written to {}: check that the folder exists and may be written to", display_path(path))]
-    Write {
-        /// Where it should have gone.
-        path: PathBuf,
-        /// The system's own words.
-        #[source]
-        source: io::Error,
-    },
-}
-
-/// Writes a plot; a file of that name is replaced.
+/// Writes a plot; an existing file is replaced.
 ///
 /// # Errors
-/// [`PlotError::Write`].
-pub fn write(path: &Path, svg: &str) -> Result<(), PlotError> {
-    fs::write(path, svg).map_err(|source| PlotError::Write { path: path.into(), source })
+/// [`RenderError::Write`].
+pub fn write_svg(path: &Path, svg: &str) -> Result<(), RenderError> {
+    fs::write(path, svg).map_err(|source| RenderError::write(path, source))
 }

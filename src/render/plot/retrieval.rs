@@ -1,37 +1,36 @@
-//! The plot of an evaluation: how precision falls with recall and with rank in each space, and how well each class is
-//! found.
+//! The plot of an evaluation: precision by recall and by rank in each space, and mean average precision by class.
 
-use super::PlotError;
-use super::classes::{Bars, MOST_ROWS};
-use super::curves::{self, Axes, Curve};
-use super::page::{self, FAINT, INK, Stand, font, shortened, text};
+use super::RenderError;
+use super::bars::{Bars, MAX_ROWS};
+use super::curves::{self, Curve, PlotAxes};
+use super::page::{self, FAINT, INK, Anchor, font, shortened, text};
 use crate::eval::{CURVE_RECALLS, Evaluation, SpaceMeasures};
 
-/// The page's width, and the height of the two panels of curves, in pixels.
+/// The width of the page and the height of the two panels of curves, in pixels.
 const WIDTH: f64 = 980.0;
 const CURVES: f64 = 348.0;
 
-/// So many spaces are shown at most; the legend has so many in a row, this high.
-const MOST_SPACES: usize = 10;
+/// The most spaces shown, and the number of legend entries in a row and the height of a row in pixels.
+const MAX_SPACES: usize = 10;
 const LEGEND_ACROSS: usize = 5;
 const LEGEND_ROW: f64 = 20.0;
 
 /// The plot of an evaluation as an SVG document.
 ///
-/// Above, precision by recall (interpolated) and by rank, each the mean over all queries, beside the best that any order
-/// could give; below, the mean average precision of each class, by falling value in the space that is best over all. Of
-/// more than ten spaces the first ten, of more than sixty classes the sixty that are found worst are shown, and it is
-/// said.
+/// The upper half shows precision by recall (interpolated) and by rank, each the mean over all queries, with the best
+/// possible curve for comparison. The lower half shows the mean average precision of each class, sorted by the space with
+/// the highest mean. At most ten spaces (the first) and sixty classes (the worst) are shown; the plot says so where
+/// there are more.
 ///
 /// # Errors
-/// [`PlotError::Nothing`] where no space or no query was evaluated.
-pub fn evaluation(evaluation: &Evaluation) -> Result<String, PlotError> {
-    let spaces = evaluation.spaces.get(..MOST_SPACES).unwrap_or(&evaluation.spaces);
+/// [`RenderError::NoData`] where no space or no query was evaluated.
+pub fn evaluation_plot(evaluation: &Evaluation) -> Result<String, RenderError> {
+    let spaces = evaluation.spaces.get(..MAX_SPACES).unwrap_or(&evaluation.spaces);
     let Some(first) = spaces.first() else {
-        return Err(PlotError::Nothing { missing: "no space was evaluated" });
+        return Err(RenderError::NoData { missing: "no space was evaluated" });
     };
     if first.all.queries == 0 {
-        return Err(PlotError::Nothing { missing: "no texture has another of its label to find" });
+        return Err(RenderError::NoData { missing: "no texture shares its label with another" });
     }
     let bars = bars(evaluation, spaces);
     let legend = 62.0 + LEGEND_ROW * spaces.len().div_ceil(LEGEND_ACROSS) as f64;
@@ -48,7 +47,7 @@ pub fn evaluation(evaluation: &Evaluation) -> Result<String, PlotError> {
     })
 }
 
-/// What the picture shows, in words.
+/// The description of the plot for screen readers.
 fn description(evaluation: &Evaluation, spaces: &[SpaceMeasures]) -> String {
     let measures: Vec<String> = spaces
         .iter()
@@ -68,38 +67,38 @@ fn draw_heading(
     title: &str,
     evaluation: &Evaluation,
     spaces: &[SpaceMeasures],
-) -> Result<(), PlotError> {
-    text(area, &shortened(title, 80), (16.0, 22.0), &font(17.0, INK, Stand::Left))?;
+) -> Result<(), RenderError> {
+    text(area, &shortened(title, 80), (16.0, 22.0), &font(17.0, INK, Anchor::Left))?;
     let all = spaces.first().map(|space| space.all.queries).unwrap_or_default();
-    // A class of one texture has nothing to find, and asks for nothing.
+    // A class of one texture has nothing to find and makes no query.
     let asking = |space: &SpaceMeasures| space.per_class.values().filter(|class| class.queries > 0).count();
     let classes = spaces.first().map(asking).unwrap_or_default();
     let mut line = format!("{all} textures of {classes} classes, each asks for the others of its own");
     if evaluation.spaces.len() > spaces.len() {
         line.push_str(&format!("; the first {} of {} spaces", spaces.len(), evaluation.spaces.len()));
     }
-    text(area, &line, (16.0, 43.0), &font(12.0, FAINT, Stand::Left))?;
+    text(area, &line, (16.0, 43.0), &font(12.0, FAINT, Anchor::Left))?;
     for (number, space) in spaces.iter().enumerate() {
         let left = 16.0 + (number % LEGEND_ACROSS) as f64 * (WIDTH - 32.0) / LEGEND_ACROSS as f64;
         let middle = 64.0 + LEGEND_ROW * (number / LEGEND_ACROSS) as f64;
-        curves::key(area, number, (left + 12.0, middle))?;
+        curves::legend_mark(area, number, (left + 12.0, middle))?;
         let words = format!("{}  mAP {:.3}", shortened(&space.space, 16), space.all.map);
-        text(area, &words, (left + 30.0, middle), &font(12.0, INK, Stand::Left))?;
+        text(area, &words, (left + 30.0, middle), &font(12.0, INK, Anchor::Left))?;
     }
     Ok(())
 }
 
-fn draw_by_recall(area: &page::Area<'_>, spaces: &[SpaceMeasures]) -> Result<(), PlotError> {
+fn draw_by_recall(area: &page::Area<'_>, spaces: &[SpaceMeasures]) -> Result<(), RenderError> {
     let step = 1.0 / (CURVE_RECALLS - 1) as f64;
     let points: Vec<Vec<(f64, f64)>> = spaces
         .iter()
         .map(|space| (0..).map(|at| f64::from(at) * step).zip(space.precision_at_recall.iter().copied()).collect())
         .collect();
-    let axes = Axes { title: "Precision by recall", across: "recall", from: 0.0, to: 1.0, ticks: 6, decimals: 1 };
+    let axes = PlotAxes { title: "Precision by recall", across: "recall", from: 0.0, to: 1.0, ticks: 6, decimals: 1 };
     curves::panel(area, &axes, &numbered(&points, 2), None)
 }
 
-fn draw_by_rank(area: &page::Area<'_>, spaces: &[SpaceMeasures]) -> Result<(), PlotError> {
+fn draw_by_rank(area: &page::Area<'_>, spaces: &[SpaceMeasures]) -> Result<(), RenderError> {
     let points: Vec<Vec<(f64, f64)>> = spaces
         .iter()
         .map(|space| (1..).map(f64::from).zip(space.precision_at_rank.iter().copied()).collect())
@@ -107,15 +106,15 @@ fn draw_by_rank(area: &page::Area<'_>, spaces: &[SpaceMeasures]) -> Result<(), P
     let ranks = points.iter().map(Vec::len).max().unwrap_or_default();
     let best: Vec<(f64, f64)> = (1..=ranks).map(|rank| (rank as f64, best_at(rank, spaces))).collect();
     let title = "Precision by rank (dashed: the best that can be)";
-    let axes = Axes { title, across: "rank", from: 1.0, to: ranks.max(2) as f64, ticks: 10, decimals: 0 };
+    let axes = PlotAxes { title, across: "rank", from: 1.0, to: ranks.max(2) as f64, ticks: 10, decimals: 0 };
     curves::panel(area, &axes, &numbered(&points, (ranks / 10).max(1)), Some(&best))
 }
 
-fn numbered(points: &[Vec<(f64, f64)>], every: usize) -> Vec<Curve<'_>> {
-    points.iter().enumerate().map(|(number, points)| Curve { number, points, every }).collect()
+fn numbered(points: &[Vec<(f64, f64)>], mark_every: usize) -> Vec<Curve<'_>> {
+    points.iter().enumerate().map(|(number, points)| Curve { number, points, mark_every }).collect()
 }
 
-/// The precision at a rank where every query has all others of its class first.
+/// The precision at a rank where every query ranks all others of its class first.
 fn best_at(rank: usize, spaces: &[SpaceMeasures]) -> f64 {
     let (mut sum, mut queries) = (0.0, 0);
     for measures in spaces.first().into_iter().flat_map(|space| space.per_class.values()) {
@@ -126,7 +125,7 @@ fn best_at(rank: usize, spaces: &[SpaceMeasures]) -> f64 {
     sum / queries.max(1) as f64
 }
 
-/// The classes by falling mean average precision in the best space.
+/// The classes, sorted by mean average precision in the best space, highest first.
 fn bars<'a>(evaluation: &Evaluation, spaces: &'a [SpaceMeasures]) -> Bars<'a> {
     let best = spaces.iter().enumerate().max_by(|(i, a), (j, b)| a.all.map.total_cmp(&b.all.map).then(j.cmp(i)));
     let best = best.map(|(number, _)| number).unwrap_or_default();
@@ -141,7 +140,7 @@ fn bars<'a>(evaluation: &Evaluation, spaces: &'a [SpaceMeasures]) -> Bars<'a> {
     let value = |row: &(&str, Vec<f64>)| row.1.get(best).copied().unwrap_or_default();
     rows.sort_by(|a, b| value(b).total_cmp(&value(a)).then(a.0.cmp(b.0)));
     let all = rows.len();
-    let shown = rows.split_off(all.saturating_sub(MOST_ROWS));
+    let shown = rows.split_off(all.saturating_sub(MAX_ROWS));
     let label = shortened(&evaluation.label, 24);
     let space = spaces.get(best).map(|space| space.space.as_str()).unwrap_or_default();
     let title = if shown.len() < all {

@@ -1,38 +1,39 @@
-//! The plot of a store's statistics: the 251 moments, and how the variance falls along the axes of a space.
+//! The plot of a store's statistics: the 251 moments, and the share of variance along each axis of a space.
 
-use super::PlotError;
-use super::page::{self, Area, FAINT, GRID, INK, Stand, colour, fill, font, line, px, text};
+use super::RenderError;
+use super::page::{self, Area, FAINT, GRID, INK, color, fill, font, line, px, text};
 use crate::database::StatisticsReport;
 use crate::hlac::MASKS;
 use plotters::style::RGBColor;
 
-/// The page and its panels, in pixels.
+/// The width of the page and the heights of its panels, in pixels.
 const WIDTH: f64 = 980.0;
 const HEADING: f64 = 60.0;
 const MOMENTS: f64 = 376.0;
 const AXES: f64 = 270.0;
 const NO_AXES: f64 = 54.0;
 
-/// Where a panel's data lie.
+/// The left and right end of the data area.
 const LEFT: f64 = 58.0;
 const RIGHT: f64 = WIDTH - 16.0;
 
-/// From the lowest to the highest value; one deviation to either side of the mean; the mean.
+/// The colours of the range of values, of one standard deviation about the mean, and of the mean.
 const RANGE: RGBColor = RGBColor(0xd6, 0xe6, 0xf2);
 const DEVIATION: RGBColor = RGBColor(0x74, 0xae, 0xd6);
 const MEAN: RGBColor = RGBColor(0x08, 0x30, 0x6b);
 
 /// The plot of a report of [`Database::statistics`](crate::Database::statistics) as an SVG document.
 ///
-/// Above, the mean of each of the 251 moments of `full@1` in the order of the masks, with one deviation to either side and
-/// the lowest and highest value; below, the share of the variance that each axis of the report's space holds.
+/// The upper half shows the mean of each of the 251 moments of `full@1` in the order of the masks, with one standard
+/// deviation to either side and the lowest and highest value. The lower half shows the share of the variance along each
+/// axis of the report's space.
 ///
 /// # Errors
-/// [`PlotError::Nothing`] where the store has no moments of `full@1`.
-pub fn statistics(report: &StatisticsReport) -> Result<String, PlotError> {
+/// [`RenderError::NoData`] where the store has no moments of `full@1`.
+pub fn statistics_plot(report: &StatisticsReport) -> Result<String, RenderError> {
     let moments = &report.statistics;
     if moments.count == 0 {
-        return Err(PlotError::Nothing { missing: "the store has no textures; add some with `hlacdb ingest`" });
+        return Err(RenderError::NoData { missing: "the store has no textures" });
     }
     let title = "Statistics of a store of solid textures";
     let description = format!(
@@ -49,12 +50,12 @@ pub fn statistics(report: &StatisticsReport) -> Result<String, PlotError> {
         let (middle, bottom) = rest.split_vertically(px(MOMENTS));
         let textures = if moments.count == 1 { "texture" } else { "textures" };
         let heading = format!("The 251 moments of full@1 over {} {textures}", moments.count);
-        text(&top, &heading, (16.0, 22.0), &font(17.0, INK, Stand::Left))?;
+        text(&top, &heading, (16.0, 22.0), &font(17.0, INK, Anchor::Left))?;
         let key = [(MEAN, "mean"), (DEVIATION, "one standard deviation"), (RANGE, "lowest to highest")];
         let mut left = 16.0;
         for (ink, words) in key {
             fill(&top, (left, 40.0), (16.0, if ink == MEAN { 3.0 } else { 10.0 }), ink)?;
-            text(&top, words, (left + 22.0, 45.0), &font(12.0, FAINT, Stand::Left))?;
+            text(&top, words, (left + 22.0, 45.0), &font(12.0, FAINT, Anchor::Left))?;
             left += 50.0 + 7.0 * words.len() as f64;
         }
         draw_moments(&middle, report)?;
@@ -62,7 +63,7 @@ pub fn statistics(report: &StatisticsReport) -> Result<String, PlotError> {
     })
 }
 
-/// A vertical axis: from 0 to `top`, between two heights in pixels.
+/// A vertical axis from 0 to `top`, between two heights in pixels.
 struct Scale {
     top: f64,
     high: f64,
@@ -70,23 +71,23 @@ struct Scale {
 }
 
 impl Scale {
-    /// The height of a value; what lies outside is drawn at the rim.
+    /// The height of a value; values outside the axis are drawn at its ends.
     fn at(&self, value: f64) -> f64 {
         self.low - (self.low - self.high) * (value / self.top).clamp(0.0, 1.0)
     }
 
-    /// Lines and numbers.
-    fn draw(&self, area: &Area<'_>, steps: u32, number: impl Fn(f64) -> String) -> Result<(), PlotError> {
+    /// Draws grid lines and numbers.
+    fn draw(&self, area: &Area<'_>, steps: u32, number: impl Fn(f64) -> String) -> Result<(), RenderError> {
         for step in 0..=steps {
             let value = self.top * f64::from(step) / f64::from(steps);
             line(area, (LEFT, self.at(value)), (RIGHT, self.at(value)), GRID, 1.0)?;
-            text(area, &number(value), (LEFT - 6.0, self.at(value)), &font(11.0, INK, Stand::Right))?;
+            text(area, &number(value), (LEFT - 6.0, self.at(value)), &font(11.0, INK, Anchor::Right))?;
         }
         Ok(())
     }
 }
 
-/// The least of 1, 2, 2.5 and 5 times a power of ten that is not below `value`, and in how many steps it is read well.
+/// The least of 1, 2, 2.5 and 5 times a power of ten that is not below `value`, and a good number of steps for it.
 fn round_up(value: f64) -> (f64, u32) {
     if value <= 0.0 || !value.is_finite() {
         return (1.0, 5);
@@ -97,13 +98,13 @@ fn round_up(value: f64) -> (f64, u32) {
     fitting.map_or((value, 5), |(step, steps)| (step * power, steps))
 }
 
-fn draw_moments(area: &Area<'_>, report: &StatisticsReport) -> Result<(), PlotError> {
+fn draw_moments(area: &Area<'_>, report: &StatisticsReport) -> Result<(), RenderError> {
     let moments = &report.statistics;
     let highest = moments.max.iter().copied().fold(0.0, f64::max);
     let (top, steps) = round_up(highest);
     let scale = Scale { top, high: 34.0, low: MOMENTS - 60.0 };
     scale.draw(area, steps, |value| format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_owned())?;
-    // Masks of another number of cells stand a little apart.
+    // A small gap separates masks of one, two and three cells.
     let gap = 14.0;
     let step = (RIGHT - LEFT - 3.0 * gap) / MASKS.len() as f64;
     let bar = step * 0.72;
@@ -127,25 +128,25 @@ fn draw_moments(area: &Area<'_>, report: &StatisticsReport) -> Result<(), PlotEr
     for (name, end) in names.into_iter().zip(ends) {
         let Some((begin, end)) = end else { continue };
         line(area, (begin, scale.low + 7.0), (end, scale.low + 7.0), FAINT, 1.2)?;
-        // The first two are narrow: their words begin where they do, the first in a line of its own.
-        let (place, stand) = match name.len() {
-            0..10 => ((begin - 4.0, scale.low + 33.0), Stand::Left),
-            10..20 => ((begin, scale.low + 19.0), Stand::Left),
-            _ => (((begin + end) / 2.0, scale.low + 19.0), Stand::Centre),
+        // The first two groups are narrow: their labels begin at the left end, the first one line lower.
+        let (position, anchor) = match name.len() {
+            0..10 => ((begin - 4.0, scale.low + 33.0), Anchor::Left),
+            10..20 => ((begin, scale.low + 19.0), Anchor::Left),
+            _ => (((begin + end) / 2.0, scale.low + 19.0), Anchor::Centre),
         };
-        text(area, name, place, &font(11.0, FAINT, stand))?;
+        text(area, name, position, &font(11.0, FAINT, anchor))?;
     }
-    text(area, "moment (0 to 1)", (16.0, 16.0), &font(12.0, FAINT, Stand::Left))
+    text(area, "moment (0 to 1)", (16.0, 16.0), &font(12.0, FAINT, Anchor::Left))
 }
 
-fn draw_axes(area: &Area<'_>, report: &StatisticsReport) -> Result<(), PlotError> {
+fn draw_axes(area: &Area<'_>, report: &StatisticsReport) -> Result<(), RenderError> {
     let space = &report.space;
     let title = format!("Axes of the space {}", page::shortened(&space.name, 40));
-    text(area, &title, (16.0, 12.0), &font(17.0, INK, Stand::Left))?;
+    text(area, &title, (16.0, 12.0), &font(17.0, INK, Anchor::Left))?;
     if space.variances.is_empty() {
         let words =
             format!("{} has none of its own: its coordinates are the {} features themselves", space.name, space.dims);
-        return text(area, &words, (16.0, 36.0), &font(12.0, FAINT, Stand::Left));
+        return text(area, &words, (16.0, 36.0), &font(12.0, FAINT, Anchor::Left));
     }
     let half = half_of(&space.variances);
     let words = format!(
@@ -154,7 +155,7 @@ fn draw_axes(area: &Area<'_>, report: &StatisticsReport) -> Result<(), PlotError
         space.variances.len(),
         if space.epoch == 0 { " (as the prior has it: not fitted yet)" } else { "" }
     );
-    text(area, &words, (16.0, 36.0), &font(12.0, FAINT, Stand::Left))?;
+    text(area, &words, (16.0, 36.0), &font(12.0, FAINT, Anchor::Left))?;
     let (top, steps) = round_up(space.variances.iter().copied().fold(0.0, f64::max));
     let scale = Scale { top, high: 56.0, low: AXES - 44.0 };
     scale.draw(area, steps, |value| format!("{:.1} %", value * 100.0))?;
@@ -163,15 +164,15 @@ fn draw_axes(area: &Area<'_>, report: &StatisticsReport) -> Result<(), PlotError
     let every = space.variances.len().div_ceil(40);
     for (at, &share) in space.variances.iter().enumerate() {
         let middle = LEFT + step * (at as f64 + 0.5);
-        fill(area, (middle - bar / 2.0, scale.at(share)), (bar, scale.low - scale.at(share)), colour(0))?;
+        fill(area, (middle - bar / 2.0, scale.at(share)), (bar, scale.low - scale.at(share)), color(0))?;
         if at % every == 0 {
-            text(area, &(at + 1).to_string(), (middle, scale.low + 14.0), &font(11.0, INK, Stand::Centre))?;
+            text(area, &(at + 1).to_string(), (middle, scale.low + 14.0), &font(11.0, INK, Anchor::Centre))?;
         }
     }
-    text(area, "axis", ((LEFT + RIGHT) / 2.0, scale.low + 33.0), &font(11.0, FAINT, Stand::Centre))
+    text(area, "axis", ((LEFT + RIGHT) / 2.0, scale.low + 33.0), &font(11.0, FAINT, Anchor::Centre))
 }
 
-/// How many of the leading shares make up half.
+/// The number of leading shares that make up half.
 fn half_of(shares: &[f64]) -> usize {
     let mut sum = 0.0;
     let before = shares.iter().take_while(|&&share| {
@@ -195,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn what_reaches_out_of_a_scale_is_cut_off() {
+    fn values_outside_a_scale_are_drawn_at_its_ends() {
         let scale = Scale { top: 0.5, high: 30.0, low: 300.0 };
         assert_eq!([-1.0, 0.0, 0.25, 0.5, 9.0].map(|value| scale.at(value)), [300.0, 300.0, 165.0, 30.0, 30.0]);
     }

@@ -1,4 +1,4 @@
-//! Plots are valid, alike for alike data, and show the numbers they are given.
+//! Plots are valid SVG, deterministic, and show the numbers they are given.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use super::*;
 use crate::database::{MomentStatistics, SettingsReport, SpaceReport, StatisticsReport};
 use crate::eval::{CURVE_RANKS, CURVE_RECALLS, Evaluation, Measures, SpaceMeasures};
 
-/// Numbers that differ by class and space, and fall along curves.
+/// Measures that differ by class and space, with falling curves.
 fn measured(space: &str, strength: f64, classes: &[&str]) -> SpaceMeasures {
     let measures = |map: f64| Measures { queries: 20, p_at_1: map, p_at_k: map, map };
     let of_class = |(at, class): (usize, &&str)| ((*class).to_owned(), measures(strength / (1.0 + at as f64 / 10.0)));
@@ -102,7 +102,7 @@ fn an_evaluation_is_drawn_with_its_numbers() {
     for space in &mut evaluated.spaces {
         space.per_class.insert("lonely".into(), Measures::default());
     }
-    let texts = texts(&evaluation(&evaluated).unwrap());
+    let texts = texts(&evaluation_plot(&evaluated).unwrap());
     let said = |words: &str| assert!(texts.iter().any(|text| text == words), "{words}: {texts:?}");
     said("paper  mAP 1.000");
     said("default  mAP 0.500");
@@ -120,39 +120,39 @@ fn an_evaluation_is_drawn_with_its_numbers() {
 #[test]
 fn the_same_numbers_give_the_same_bytes() {
     let spaces = ["paper", "zscore", "oriented", "default", "invariant", "mine"];
-    let draw = || evaluation(&evaluated(&spaces, &["a", "b", "c"])).unwrap();
+    let draw = || evaluation_plot(&evaluated(&spaces, &["a", "b", "c"])).unwrap();
     assert_eq!(draw(), draw());
-    let draw = || statistics(&reported(7, 32)).unwrap();
+    let draw = || statistics_plot(&reported(7, 32)).unwrap();
     assert_eq!(draw(), draw());
-    assert_ne!(draw(), statistics(&reported(8, 32)).unwrap());
+    assert_ne!(draw(), statistics_plot(&reported(8, 32)).unwrap());
 }
 
 #[test]
-fn more_than_a_page_holds_is_told() {
+fn omitted_spaces_and_classes_are_counted() {
     let spaces: Vec<String> = (0..14).map(|at| format!("space-of-a-long-name-{at}")).collect();
     let classes: Vec<String> =
         (0..200).map(|at| format!("class {at} of a very long name that no row can hold")).collect();
     let spaces: Vec<&str> = spaces.iter().map(String::as_str).collect();
     let classes: Vec<&str> = classes.iter().map(String::as_str).collect();
-    let texts = texts(&evaluation(&evaluated(&spaces, &classes)).unwrap());
+    let texts = texts(&evaluation_plot(&evaluated(&spaces, &classes)).unwrap());
     assert!(texts.iter().any(|text| text.contains("the 60 of 200 that are found worst")), "{texts:?}");
     assert!(texts.iter().any(|text| text.contains("the first 10 of 14 spaces")));
 }
 
 #[test]
-fn a_store_is_drawn_whatever_its_space() {
-    assert!(texts(&statistics(&reported(1, 32)).unwrap()).iter().any(|text| text.contains("over 1 texture")));
-    assert!(texts(&statistics(&reported(9, 0)).unwrap()).iter().any(|text| text.contains("none of its own")));
-    texts(&statistics(&reported(9, 1)).unwrap());
-    texts(&statistics(&reported(9, 128)).unwrap());
+fn a_store_is_drawn_in_every_kind_of_space() {
+    assert!(texts(&statistics_plot(&reported(1, 32)).unwrap()).iter().any(|text| text.contains("over 1 texture")));
+    assert!(texts(&statistics_plot(&reported(9, 0)).unwrap()).iter().any(|text| text.contains("none of its own")));
+    texts(&statistics_plot(&reported(9, 1)).unwrap());
+    texts(&statistics_plot(&reported(9, 128)).unwrap());
 }
 
 #[test]
-fn where_there_is_nothing_a_sentence_says_so() {
-    let nothing = statistics(&reported(0, 32)).unwrap_err().to_string();
+fn missing_data_are_an_error() {
+    let nothing = statistics_plot(&reported(0, 32)).unwrap_err().to_string();
     assert!(nothing.contains("the store has no textures"), "{nothing}");
-    assert!(evaluation(&evaluated(&[], &["a"])).is_err());
-    assert!(evaluation(&evaluated(&["paper"], &[])).is_err());
-    let error = write(Path::new("/no/such/folder/plot.svg"), "").unwrap_err();
+    assert!(evaluation_plot(&evaluated(&[], &["a"])).is_err());
+    assert!(evaluation_plot(&evaluated(&["paper"], &[])).is_err());
+    let error = write_svg(Path::new("/no/such/folder/plot.svg"), "").unwrap_err();
     assert!(error.to_string().contains("/no/such/folder/plot.svg"));
 }

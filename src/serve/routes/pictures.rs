@@ -9,7 +9,7 @@ use axum::response::Response;
 use serde::Deserialize;
 
 use crate::ContentHash;
-use crate::render::sheet::{self, Axis, Bare};
+use crate::render::{self, ContactSheetOptions, PngEffort, RenderError, SliceAxis, SliceImageOptions};
 use crate::serve::problem::Problem;
 use crate::serve::reply::{self, Keep};
 use crate::serve::state::App;
@@ -91,11 +91,11 @@ fn picture(
     })
 }
 
-fn axis(text: Option<&str>) -> Result<Axis, Problem> {
-    text.unwrap_or("z").parse().map_err(|error: sheet::AxisError| Problem::bad_request(error.to_string()))
+fn axis(text: Option<&str>) -> Result<SliceAxis, Problem> {
+    text.unwrap_or("z").parse().map_err(|error: render::ParseSliceAxisError| Problem::bad_request(error.to_string()))
 }
 
-fn encode(encoded: Result<Vec<u8>, sheet::SheetError>) -> Result<Vec<u8>, Problem> {
+fn encode(encoded: Result<Vec<u8>, RenderError>) -> Result<Vec<u8>, Problem> {
     encoded.map_err(|error| {
         tracing::error!(%error, "a picture cannot be encoded");
         Problem::internal()
@@ -144,13 +144,11 @@ pub(crate) async fn slices(
         let shown = Shown::texture(app, id)?;
         if query.captions == Some(1) {
             let texture = app.database.texture(id)?;
-            let tags: Vec<String> = texture.tags.iter().map(|(key, value)| format!("{key}={value}")).collect();
-            let caption = vec![texture.name, format!("id {id}"), tags.join(" ")];
-            let what = format!("sheet {layout:?} {caption:?}");
+            let what = format!("sheet {layout:?} {id} {:?} {:?}", texture.name, texture.tags);
             return picture(app, &headers, &shown, &what, |volume| {
                 let (columns, slices, axis) = (layout.columns, layout.slices.min(64), layout.axis);
-                let sheet = sheet::Layout { columns, slices, axis, ..sheet::Layout::default() };
-                encode(sheet::encode_png(&sheet::draw_one(&sheet::Panel { volume, caption }, &sheet)))
+                let options = ContactSheetOptions::new().columns(columns).slices(slices).axis(axis);
+                encode(render::texture_sheet(&texture, volume, &options).encode_png(PngEffort::Small))
             });
         }
         draw_slices(app, &headers, &shown, &query, layout)
@@ -158,19 +156,18 @@ pub(crate) async fn slices(
     .await
 }
 
-fn layout(query: &SlicesQuery) -> Result<Bare, Problem> {
+fn layout(query: &SlicesQuery) -> Result<SliceImageOptions, Problem> {
     scale(query.scale)?;
     if query.columns == Some(0) || query.slices == Some(0) || query.pixels == Some(0) {
         return Err(Problem::bad_request("columns, slices and pixels are 1 or more"));
     }
-    let default = Bare::default();
-    Ok(Bare {
-        axis: axis(query.axis.as_deref())?,
-        columns: query.columns.unwrap_or(default.columns).min(1024),
-        slices: query.slices.unwrap_or(default.slices),
-        slice_pixels: query.pixels.unwrap_or(default.slice_pixels).min(4096),
-        gap: query.gap != Some(0),
-    })
+    let default = SliceImageOptions::new();
+    Ok(default
+        .axis(axis(query.axis.as_deref())?)
+        .columns(query.columns.unwrap_or(default.columns).min(1024))
+        .slices(query.slices.unwrap_or(default.slices))
+        .slice_pixels(query.pixels.unwrap_or(default.slice_pixels).min(4096))
+        .gap(query.gap != Some(0)))
 }
 
 /// The slices and nothing else.
@@ -179,14 +176,14 @@ fn draw_slices(
     headers: &HeaderMap,
     shown: &Shown,
     query: &SlicesQuery,
-    layout: Bare,
+    layout: SliceImageOptions,
 ) -> Result<Response, Problem> {
     let (scale, pixels) = (scale(query.scale)?, query.pixels);
     let what = format!("slices {layout:?} {scale} {pixels:?}");
     picture(app, headers, shown, &what, |volume| {
         let longest = volume.shape().into_iter().max().unwrap_or(1) as u32;
         let slice_pixels = pixels.map_or(longest.saturating_mul(scale).min(4096), |_| layout.slice_pixels);
-        encode(sheet::bare(volume, &Bare { slice_pixels, ..layout }).png())
+        encode(render::slice_image(volume, &layout.slice_pixels(slice_pixels)).encode_png(PngEffort::Fast))
     })
 }
 
@@ -217,16 +214,12 @@ fn draw_slice(app: &App, headers: &HeaderMap, shown: &Shown, query: &SliceQuery)
     let (axis, scale, index) = (axis(query.axis.as_deref())?, scale(query.scale)?, query.index);
     picture(app, headers, shown, &format!("slice {axis} {index:?} {scale}"), |volume| {
         let [z, y, x] = volume.shape();
-        let length = match axis {
-            Axis::Z => z,
-            Axis::Y => y,
-            Axis::X => x,
-        };
+        let length = axis.slices([z, y, x]);
         let index = index.unwrap_or(length / 2);
         let pixels = (z.max(y).max(x) as u32).saturating_mul(scale);
         let beyond =
             || Problem::not_found(format!("there is no slice {index} across {axis}: the last one is {}", length - 1));
-        encode(sheet::slice(volume, axis, index, pixels).ok_or_else(beyond)?.png())
+        encode(render::slice(volume, axis, index, pixels).ok_or_else(beyond)?.encode_png(PngEffort::Fast))
     })
 }
 
@@ -254,7 +247,9 @@ fn draw_thumbnail(app: &App, headers: &HeaderMap, shown: &Shown, query: &Thumbna
         size @ 1..=1024 => size,
         other => return Err(Problem::bad_request(format!("a thumbnail is 1 to 1024 pixels wide, not {other}"))),
     };
-    picture(app, headers, shown, &format!("thumbnail {size}"), |volume| encode(sheet::thumbnail(volume, size).png()))
+    picture(app, headers, shown, &format!("thumbnail {size}"), |volume| {
+        encode(render::thumbnail(volume, size).encode_png(PngEffort::Fast))
+    })
 }
 
 /// All slices of an upload, side by side

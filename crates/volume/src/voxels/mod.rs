@@ -7,6 +7,7 @@ use std::borrow::Cow;
 
 use crate::VolumeError;
 
+pub use shrink::blocks;
 pub use spacing::{LengthUnit, VoxelSpacing};
 
 /// Axis lengths (Z, Y, X), as numpy writes them: X is fastest in memory.

@@ -1,11 +1,11 @@
-//! Lines of text: which typeface, and what of a line fits.
+//! Typefaces of a contact sheet, and lines of text shortened to fit.
 
 use embedded_graphics::mono_font::MonoFont;
 use embedded_graphics::mono_font::iso_8859_1::{
     FONT_6X13, FONT_6X13_BOLD, FONT_8X13, FONT_8X13_BOLD, FONT_9X18, FONT_9X18_BOLD, FONT_10X20,
 };
 
-/// A typeface; every character of one has the same width.
+/// A typeface. All characters of one have the same width.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Face {
     Title,
@@ -18,7 +18,7 @@ pub(super) enum Face {
 }
 
 impl Face {
-    /// The one for captions of a panel of that inner width.
+    /// The typeface for captions of a panel of this inner width.
     pub(super) fn for_width(pixels: u32) -> Self {
         match pixels {
             ..240 => Self::Small,
@@ -53,29 +53,29 @@ impl Face {
         self.font().character_size.height + 2
     }
 
-    /// Pixels of a text's width.
+    /// The width of a text, in pixels.
     pub(super) fn width(self, characters: usize) -> u32 {
         u32::try_from(characters).unwrap_or(u32::MAX).saturating_mul(self.font().character_size.width)
     }
 
-    /// What of a line is drawn in so many pixels.
+    /// The line as it is drawn in at most `pixels` pixels.
     pub(super) fn fit(self, line: &str, pixels: u32) -> String {
         shorten(&printable(line), (pixels / self.font().character_size.width) as usize)
     }
 }
 
-/// The line with `?` for what the typeface lacks.
+/// The line with `?` for every character that the typefaces lack.
 fn printable(line: &str) -> String {
     line.chars().map(|c| if matches!(c, ' '..='~' | '\u{a0}'..='\u{ff}') { c } else { '?' }).collect()
 }
 
-/// At most `most` characters: the beginning and the end, `...` for what is between.
-fn shorten(line: &str, most: usize) -> String {
+/// A line of at most `max` characters: the middle of a longer one is replaced by `...`.
+fn shorten(line: &str, max: usize) -> String {
     let characters: Vec<char> = line.chars().collect();
-    if characters.len() <= most {
+    if characters.len() <= max {
         return line.into();
     }
-    let Some(kept) = most.checked_sub(3) else { return ".".repeat(most) };
+    let Some(kept) = max.checked_sub(3) else { return ".".repeat(max) };
     let (head, tail) = (kept.div_ceil(2), kept / 2);
     let ends = characters.iter().take(head).chain(&['.'; 3]).chain(characters.iter().skip(characters.len() - tail));
     ends.collect()
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_typeface_lacks_is_a_question_mark() {
+    fn missing_characters_become_question_marks() {
         assert_eq!(printable("Sandstein (grün) 大理石\n\u{7f}"), "Sandstein (grün) ?????");
     }
 }
