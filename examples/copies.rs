@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::error::Error;
 
-use hlacdb::synth::{Nuisance, Range, Recipe};
+use hlacdb::synth::{Nuisance, ParameterRange, Recipe};
 use hlacdb::{Database, Query, ReindexOptions, TextureId, ingest};
 
 fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
@@ -18,9 +18,9 @@ fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
     database.reindex(&ReindexOptions::default(), &())?;
 
     let nuisance = Nuisance {
-        brightness: Some(Range { low: 0.05, high: 0.15 }),
-        noise: Some(Range { low: 0.02, high: 0.05 }),
-        turn: true,
+        brightness: Some(ParameterRange { low: 0.05, high: 0.15 }),
+        noise: Some(ParameterRange { low: 0.02, high: 0.05 }),
+        rotation: true,
         ..Nuisance::NONE
     };
     let (mut found, mut asked) = (0, 0);

@@ -1,7 +1,7 @@
 //! Contact sheets of what a database holds and finds.
 
-use super::contact_sheet::{ContactSheetOptions, Panel, contact_sheet, single_sheet};
 use super::Image;
+use super::contact_sheet::{ContactSheetOptions, Panel, contact_sheet, single_sheet};
 use crate::database::{Answer, Database, Texture};
 use crate::error::Error;
 use crate::volume::Volume;
@@ -38,10 +38,8 @@ pub fn answer_sheet(
         let distance = format!("id {}  distance {:.4}", hit.id, hit.distance);
         Panel { volume, caption: vec![format!("{}. {}", hit.rank, hit.name), distance] }
     });
-    let options = options
-        .clone()
-        .title(format!("Nearest to {name}, space {}", answer.space))
-        .query_first(query.is_some());
+    let options =
+        options.clone().title(format!("Nearest to {name}, space {}", answer.space)).query_first(query.is_some());
     let panels: Vec<Panel<'_>> = query.into_iter().chain(hits).collect();
     Ok((!panels.is_empty()).then(|| contact_sheet(&panels, &options)))
 }

@@ -1,24 +1,24 @@
-//! [`Field`]: the grey values of a texture while it is being painted, in `f32`.
+//! [`Field`]: the grey levels of a texture while it is painted, in `f32`.
 //!
-//! Only + - * / and comparisons are used (IEEE 754 fixes their bits); sums run in memory order.
+//! Only + - * / and comparisons are used, which IEEE 754 defines to the bit; sums run in memory order.
 
 use crate::volume::{Shape, Volume};
 
 /// One `f32` per voxel, of shape (Z, Y, X) with X fastest.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Field {
+pub(crate) struct Field {
     shape: Shape,
     values: Vec<f32>,
 }
 
 impl Field {
-    /// The same value everywhere.
-    pub fn constant(shape: Shape, value: f32) -> Self {
+    /// A field with one value everywhere.
+    pub(crate) fn constant(shape: Shape, value: f32) -> Self {
         Self { shape, values: vec![value; shape.iter().product()] }
     }
 
-    /// `f` of the position (x, y, z) of each voxel, in voxels from the centre of the field.
-    pub fn from_positions(shape: Shape, mut f: impl FnMut([f32; 3]) -> f32) -> Self {
+    /// The field of `f` at the position (x, y, z) of each voxel, in voxels from the centre of the field.
+    pub(crate) fn from_positions(shape: Shape, mut f: impl FnMut([f32; 3]) -> f32) -> Self {
         let centre = shape.map(|side| (side as f32 - 1.0) * 0.5);
         let mut values = Vec::with_capacity(shape.iter().product());
         for z in 0..shape[0] {
@@ -31,30 +31,30 @@ impl Field {
     }
 
     /// Axis lengths (Z, Y, X).
-    pub fn shape(&self) -> Shape {
+    pub(crate) fn shape(&self) -> Shape {
         self.shape
     }
 
     /// The values, X fastest.
-    pub fn values(&self) -> &[f32] {
+    pub(crate) fn values(&self) -> &[f32] {
         &self.values
     }
 
-    /// The values, X fastest.
-    pub fn values_mut(&mut self) -> &mut [f32] {
+    /// The values, X fastest, to change.
+    pub(crate) fn values_mut(&mut self) -> &mut [f32] {
         &mut self.values
     }
 
-    /// `f` of each value.
-    pub fn map(mut self, f: impl Fn(f32) -> f32) -> Self {
+    /// Replaces each value by `f` of it.
+    pub(crate) fn map(mut self, f: impl Fn(f32) -> f32) -> Self {
         for value in &mut self.values {
             *value = f(*value);
         }
         self
     }
 
-    /// `f` of each value and the other field's value at the same voxel; the shapes are the same.
-    pub fn zip(mut self, other: &Field, f: impl Fn(f32, f32) -> f32) -> Self {
+    /// Replaces each value by `f` of it and of `other`'s value at the same voxel. The shapes must be equal.
+    pub(crate) fn zip(mut self, other: &Field, f: impl Fn(f32, f32) -> f32) -> Self {
         debug_assert_eq!(self.shape, other.shape);
         for (value, other) in self.values.iter_mut().zip(&other.values) {
             *value = f(*value, *other);
@@ -63,20 +63,20 @@ impl Field {
     }
 
     /// The lowest and the highest value.
-    pub fn range(&self) -> (f32, f32) {
+    pub(crate) fn range(&self) -> (f32, f32) {
         self.values
             .iter()
             .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)))
     }
 
-    /// Mapped so that the lowest value is 0 and the highest 1; a field without contrast becomes 0.5.
-    pub fn stretched(self) -> Self {
+    /// Maps the lowest value to 0 and the highest to 1; a constant field becomes 0.5.
+    pub(crate) fn stretched(self) -> Self {
         let (low, high) = self.range();
         if high > low { self.map(|value| (value - low) / (high - low)) } else { self.map(|_| 0.5) }
     }
 
-    /// The value that the share `fraction` (0 to 1) of the voxels does not exceed, to one part in 4096 of the range.
-    pub fn quantile(&self, fraction: f32) -> f32 {
+    /// The quantile `fraction` (0 to 1) of the values, to 1/4096 of their range.
+    pub(crate) fn quantile(&self, fraction: f32) -> f32 {
         const BINS: usize = 4096;
         let (low, high) = self.range();
         let width = (high - low) / BINS as f32;
@@ -98,9 +98,9 @@ impl Field {
         high
     }
 
-    /// The average over a window of `2 radius + 1` voxels along each axis (Z, Y, X), `passes` times; the field is
-    /// taken as one period of a tiling. Three passes come near a Gaussian.
-    pub fn blurred(mut self, radius: [usize; 3], passes: usize) -> Self {
+    /// Averages over a box of `2 radius + 1` voxels along each axis (Z, Y, X), `passes` times. The field is treated as one
+    /// period of a periodic field. Three passes are close to a Gaussian.
+    pub(crate) fn blurred(mut self, radius: [usize; 3], passes: usize) -> Self {
         for _ in 0..passes {
             for (axis, &radius) in radius.iter().enumerate() {
                 if radius > 0 {
@@ -111,7 +111,7 @@ impl Field {
         self
     }
 
-    /// One running average along one axis. Rows of the faster axes move together, so that the loops vectorise.
+    /// One pass along one axis. Whole rows of the faster axes are added, so that the loops vectorise.
     fn blur_axis(&mut self, axis: usize, radius: usize) {
         let length = self.shape[axis];
         let stride: usize = self.shape[axis + 1..].iter().product();
@@ -133,19 +133,19 @@ impl Field {
         }
     }
 
-    /// The grey volume: 0 and below become 0, 1 and above 255, to the nearest level.
-    pub fn into_volume(self) -> Volume {
+    /// The grey volume: values are cut to 0..=1, scaled to 255 and rounded.
+    pub(crate) fn into_volume(self) -> Volume {
         let voxels = self.values.iter().map(|value| (value * 255.0 + 0.5) as u8).collect();
         volume(self.shape, 1, voxels)
     }
 }
 
-/// A volume of a shape that is known to hold windows and voxels that are known to fill it.
+/// The volume of a shape and voxels that are known to be valid.
 pub(crate) fn volume(shape: Shape, channels: usize, voxels: Vec<u8>) -> Volume {
     match Volume::new(shape, channels, voxels) {
         Ok(volume) => volume,
-        // Recipes refuse small sides when they are parsed, and fields are filled by construction.
-        Err(error) => unreachable!("a painted field is always a volume: {error}"),
+        // Recipes with short sides are refused when they are parsed, and fields are full by construction.
+        Err(error) => unreachable!("a field is always a valid volume: {error}"),
     }
 }
 
@@ -154,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn blur_is_the_plain_average_and_keeps_the_mean() {
+    fn blur_is_a_moving_average_that_keeps_the_mean() {
         let shape = [3, 4, 5];
         let mut field = Field::constant(shape, 0.0);
         for (i, value) in field.values_mut().iter_mut().enumerate() {
@@ -166,13 +166,13 @@ mod tests {
         for (found, expected) in blurred.values().iter().zip(expected) {
             assert!((found - expected).abs() < 1e-5);
         }
-        // Wider than the field: windows wrap around as often as it takes.
+        // A box wider than the field wraps around more than once.
         let mean = |field: &Field| field.values().iter().sum::<f32>() / field.values().len() as f32;
         assert!((mean(&field) - mean(&field.clone().blurred([7, 2, 1], 3))).abs() < 1e-3);
     }
 
     #[test]
-    fn quantiles_split_the_voxels() {
+    fn quantiles_divide_the_values() {
         let mut field = Field::constant([10, 10, 10], 0.0);
         field.values_mut().iter_mut().enumerate().for_each(|(i, value)| *value = i as f32);
         assert!((field.quantile(0.25) - 250.0).abs() < 2.0);
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_round_and_clamp() {
+    fn levels_are_rounded_and_clamped() {
         let mut field = Field::constant([3, 3, 3], 0.5);
         field.values_mut()[..4].copy_from_slice(&[-1.0, 2.0, 1.0, f32::NAN]);
         assert_eq!(field.into_volume().voxels()[..5], [0, 255, 255, 0, 128]);

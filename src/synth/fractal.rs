@@ -1,58 +1,58 @@
 //! Sums of noise octaves: the paper's sum, fBm, turbulence and ridged noise.
 //!
-//! Octave i has its cells `lacunarity^i` times as fine and weighs `gain^i`; each octave has a lattice of its own, so
+//! The cells of octave i are `lacunarity^i` times as fine, and its weight is `gain^i`. Each octave has its own lattice, so
 //! that the zeros of gradient noise do not coincide. With lacunarity 2 and gain 1/2 the plain sum is the paper's
-//! `Per(P) = sum over i = 0..k of Noise(2^i P) / 2^i`. Source of the ridged rule: Musgrave in "Texturing and modeling".
+//! `Per(P) = sum over i = 0..k of Noise(2^i P) / 2^i`. The ridged sum follows Musgrave in *Texturing and Modeling*.
 
-use super::Field;
+use super::field::Field;
 use super::noise::{Grid, Lattice, WIDE, hash};
 use crate::volume::Shape;
 
-/// What is summed of each octave's noise n.
+/// What each octave with noise n adds to the sum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fold {
-    /// n itself: the paper's sum, fBm.
+pub(crate) enum OctaveFold {
+    /// n: the paper's sum, fBm.
     Plain,
-    /// |n|: turbulence, creases at 0.
+    /// |n|: turbulence, with creases at 0.
     Absolute,
-    /// (1 - |n|)^2, each octave weighted by twice the one before (at most 1): sharp ridges, rough only where high.
+    /// (1 - |n|)^2 times twice the previous octave's term (at most 1): sharp ridges, rough only where they are high.
     Ridged,
 }
 
 /// A sum of octaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fractal {
-    /// Seed of the lattices.
-    pub seed: u32,
-    /// The number of octaves; at least 1 is summed.
-    pub octaves: u32,
-    /// How many times finer each octave is.
-    pub lacunarity: f32,
-    /// Weight of each octave as a share of the one before.
-    pub gain: f32,
+pub(crate) struct Fractal {
+    /// The seed of the lattices.
+    pub(crate) seed: u32,
+    /// The number of octaves; 0 counts as 1.
+    pub(crate) octaves: u32,
+    /// How many times finer each octave is than the previous one.
+    pub(crate) lacunarity: f32,
+    /// The weight of each octave relative to the previous one.
+    pub(crate) gain: f32,
     /// What is summed.
-    pub fold: Fold,
+    pub(crate) fold: OctaveFold,
 }
 
 impl Fractal {
     /// One octave of plain noise.
-    pub fn simple(seed: u32) -> Self {
-        Self { seed, octaves: 1, lacunarity: 2.0, gain: 0.5, fold: Fold::Plain }
+    pub(crate) fn simple(seed: u32) -> Self {
+        Self { seed, octaves: 1, lacunarity: 2.0, gain: 0.5, fold: OctaveFold::Plain }
     }
 
-    /// The paper's sum of `octaves` octaves, each twice as fine and half as strong as the one before.
-    pub fn paper(seed: u32, octaves: u32) -> Self {
+    /// The paper's sum of `octaves` octaves, each twice as fine and half as strong as the previous one.
+    pub(crate) fn paper(seed: u32, octaves: u32) -> Self {
         Self { octaves, ..Self::simple(seed) }
     }
 
-    /// The same octaves, folded otherwise.
-    pub fn folded(self, fold: Fold) -> Self {
+    /// The same octaves with another term.
+    pub(crate) fn folded(self, fold: OctaveFold) -> Self {
         Self { fold, ..self }
     }
 
-    /// The sum at a point (x, y, z), in cells of the first octave; about -2 to 2 for [`Fold::Plain`], never negative
-    /// for the others.
-    pub fn at(&self, p: [f32; 3]) -> f32 {
+    /// The sum at a point (x, y, z), in cells of the first octave: about -2 to 2 for [`OctaveFold::Plain`], at least 0 for
+    /// the others.
+    pub(crate) fn at(&self, p: [f32; 3]) -> f32 {
         let (mut sum, mut weight, mut scale, mut last) = (0.0, 1.0, 1.0, 1.0);
         for octave in 0..self.octaves.max(1) {
             let noise = Lattice::wide(self.octave_seed(octave)).perlin(p.map(|v| v * scale));
@@ -64,20 +64,20 @@ impl Fractal {
         sum
     }
 
-    /// The sum over a whole volume whose first octave has cells of `scale` voxels, along (Z, Y, X).
+    /// The sum at every voxel of a volume; the first octave has cells of `scale` voxels along (Z, Y, X).
     ///
-    /// Octaves with cells under one voxel are left out: they would only alias. Where `tile` is set, every octave's
-    /// cells are rounded to a whole number per side and the field tiles without a seam.
-    pub fn field(&self, shape: Shape, scale: [f32; 3], tile: bool) -> Field {
+    /// Octaves with cells smaller than a voxel are left out, because they would only alias. With `tile`, every octave has a
+    /// whole number of cells per side, so that the field tiles without a seam.
+    pub(crate) fn field(&self, shape: Shape, scale: [f32; 3], tile: bool) -> Field {
         let mut sum = Field::constant(shape, 0.0);
-        let mut last = if self.fold == Fold::Ridged { Field::constant(shape, 1.0) } else { sum.clone() };
+        let mut last = if self.fold == OctaveFold::Ridged { Field::constant(shape, 1.0) } else { sum.clone() };
         let (mut weight, mut finer) = (1.0_f32, 1.0_f64);
         for octave in 0..self.octaves.max(1) {
             let step = scale.map(|scale| finer / f64::from(scale));
             if octave > 0 && step.iter().any(|&step| step > 1.0) {
                 break;
             }
-            let (lattice, grid) = self.laid(octave, shape, step.map(|step| step.min(1.0)), tile);
+            let (lattice, grid) = self.grid(octave, shape, step.map(|step| step.min(1.0)), tile);
             let fold = |noise: f32, voxel: &mut f32| *voxel = self.fold(noise, *voxel);
             lattice.perlin_grid(&grid, &mut last, fold);
             sum = sum.zip(&last, |sum, noise| sum + weight * noise);
@@ -87,10 +87,10 @@ impl Fractal {
         sum
     }
 
-    /// The lattice of an octave and where the voxels lie on it.
-    fn laid(&self, octave: u32, shape: Shape, step: [f64; 3], tile: bool) -> (Lattice, Grid) {
+    /// The lattice of an octave and the positions of the voxels on it.
+    fn grid(&self, octave: u32, shape: Shape, step: [f64; 3], tile: bool) -> (Lattice, Grid) {
         let seed = self.octave_seed(octave);
-        // A shift of a part of a cell, so that voxels do not sit on the lattice.
+        // A shift by part of a cell, so that voxels do not coincide with lattice points.
         let origin = [3, 2, 1].map(|salt| f64::from(hash(seed, salt, 0, 0) >> 8) / 16_777_216.0);
         if !tile {
             return (Lattice::wide(seed), Grid { shape, step, origin });
@@ -105,12 +105,12 @@ impl Fractal {
         hash(self.seed, octave, 0, 0)
     }
 
-    /// One octave's share, from its noise and (for ridges) the share of the octave before, or 1.
+    /// The term of an octave, from its noise and (for ridges) the previous octave's term, 1 for the first.
     fn fold(&self, noise: f32, last: f32) -> f32 {
         match self.fold {
-            Fold::Plain => noise,
-            Fold::Absolute => noise.abs(),
-            Fold::Ridged => {
+            OctaveFold::Plain => noise,
+            OctaveFold::Absolute => noise.abs(),
+            OctaveFold::Ridged => {
                 let ridge = 1.0 - noise.abs();
                 ridge * ridge * (2.0 * last).clamp(0.0, 1.0)
             }
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn tiled_fields_meet_at_their_borders() {
-        for fold in [Fold::Plain, Fold::Absolute, Fold::Ridged] {
+        for fold in [OctaveFold::Plain, OctaveFold::Absolute, OctaveFold::Ridged] {
             let fractal = Fractal { lacunarity: 2.1, gain: 0.6, ..Fractal::paper(3, 3) }.folded(fold);
             let field = fractal.field([24, 24, 24], [10.0; 3], true);
             let at = |z: usize, y: usize, x: usize| field.values()[(z * 24 + y) * 24 + x];
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn octaves_under_a_voxel_are_left_out() {
+    fn octaves_finer_than_a_voxel_are_left_out() {
         let field = |octaves| Fractal::paper(1, octaves).field([8, 8, 8], [4.0; 3], false);
         assert_eq!(field(3), field(9));
         assert_ne!(field(2), field(3));

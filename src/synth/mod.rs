@@ -1,13 +1,14 @@
-//! Solid textures made from recipes: noise, families of textures, data sets.
+//! Synthetic solid textures and data sets of them.
 //!
-//! Vocabulary: a *family* is a way to paint a texture (marble, foam, gyroid), with named *parameters*; a *recipe* is a
-//! TOML file that asks for so many textures of some families, their parameters fixed or drawn from ranges; a
-//! *specimen* is one texture of a recipe: cheap until its voxels are asked for; a *nuisance* changes a volume in a way
-//! that should not matter (brightness, contrast, gamma, noise, turns).
+//! - A *family* is a procedure that paints a kind of texture (marble, foam, gyroid) from named *parameters*.
+//! - A *recipe* is a TOML file that describes a data set: families, how many textures of each, and their parameters, each
+//!   fixed or drawn from a range.
+//! - A *specimen* is one texture of a recipe. It is cheap until its voxels are computed.
+//! - A *nuisance* is a change of a volume that should not affect what it looks like: brightness, contrast, gamma, noise,
+//!   right-angle rotation.
 //!
-//! Invariant: a recipe with its seed gives the same bytes everywhere: on every CPU, in any order, on any thread. All
-//! arithmetic is written out (`f32`/`f64` with + - * / and roots, which IEEE 754 fixes, and the `libm` crate for the
-//! rest). Imports only [`crate::volume`].
+//! A recipe gives the same bytes on every CPU, in any order, on any thread. All arithmetic is therefore written out: `f32`
+//! and `f64` with + - * / and square roots, which IEEE 754 defines to the bit, and the `libm` crate for everything else.
 //!
 //! ```
 //! use hlacdb::synth::Recipe;
@@ -25,26 +26,24 @@
 //! # Ok::<(), hlacdb::synth::RecipeError>(())
 //! ```
 
+mod error;
 pub mod families;
 mod field;
 mod fractal;
-pub mod noise;
-pub mod nuisance;
+mod noise;
+mod nuisance;
 mod random;
 mod recipe;
-mod recipe_error;
+mod rotation;
 mod specimen;
-mod turn;
 
-pub use field::Field;
-pub use fractal::{Fold, Fractal};
-pub use nuisance::{Distortion, Nuisance, UnknownNuisance};
-pub use recipe::{Group, Limits, Range, Recipe};
-pub use recipe_error::RecipeError;
+pub use error::RecipeError;
+pub use nuisance::{Distortion, Nuisance, ParseNuisanceError};
+pub use recipe::{ParameterLimits, ParameterRange, Recipe, RecipeGroup};
+pub use rotation::Rotation;
 pub use specimen::Specimen;
-pub use turn::Turn;
 
-/// The recipes that are built in: name and TOML text.
+/// The built-in recipes: name and TOML text.
 const BUILTIN: [(&str, &str); 4] = [
     ("paper600", include_str!("../../datasets/paper600.toml")),
     ("families", include_str!("../../datasets/families.toml")),
@@ -52,7 +51,7 @@ const BUILTIN: [(&str, &str); 4] = [
     ("prior", include_str!("../../datasets/prior.toml")),
 ];
 
-/// The TOML text of a built-in recipe: one of [`builtin_names`].
+/// The TOML text of the built-in recipe `name`; `None` where there is none. See [`builtin_names`].
 pub fn builtin(name: &str) -> Option<&'static str> {
     BUILTIN.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
 }

@@ -1,17 +1,17 @@
-//! Lattice noises that are the same bits on every CPU: Perlin's gradient noise, value noise, and Worley's cells.
+//! Lattice noise with the same bits on every CPU: Perlin's gradient noise, value noise, and Worley's cellular noise.
 //!
 //! A *lattice* is a grid of integer points with a seed and a period along each axis; a hash of point and seed gives
-//! each point its gradient, value or feature point. Noise over a lattice repeats after its period: a volume that is a
+//! each point its gradient, value or feature point. Noise repeats after the period of its lattice, so a volume that is a
 //! whole number of periods wide tiles without a seam in all three directions.
 //!
-//! Everything is `f32` made with + - * and an explicit floor, in one written order: no fused multiply-add, no library
-//! of the platform. Distances are squared, roots are the caller's. Sources: Perlin, "Improving noise" (2002), for the fade and the twelve gradients;
-//! Worley, "A cellular texture basis function" (1996).
+//! Everything is `f32` computed with + - * and an explicit floor, in a fixed order: no fused multiply-add, no platform
+//! library. Distances are squared; the caller takes roots. Sources: Perlin, "Improving noise" (2002), for the fade and the
+//! twelve gradients; Worley, "A cellular texture basis function" (1996).
 
-use super::Field;
+use super::field::Field;
 use crate::volume::Shape;
 
-/// The middles of the twelve edges of a cube: Perlin's gradients, as (x, y, z).
+/// Perlin's gradients (x, y, z): the midpoints of the twelve edges of a cube.
 const GRADIENTS: [[f32; 3]; 12] = [
     [1.0, 1.0, 0.0],
     [-1.0, 1.0, 0.0],
@@ -27,11 +27,11 @@ const GRADIENTS: [[f32; 3]; 12] = [
     [0.0, -1.0, -1.0],
 ];
 
-/// The period of a lattice that need not tile: wider than any volume shows.
-pub const WIDE: u32 = 1 << 16;
+/// The period of a lattice that need not tile: longer than any volume.
+pub(crate) const WIDE: u32 = 1 << 16;
 
-/// A hash of a lattice point: every bit of seed and point moves every bit of the result with chance about one half.
-pub fn hash(seed: u32, x: u32, y: u32, z: u32) -> u32 {
+/// A hash of a lattice point: every bit of seed and point changes every bit of the result with probability near 1/2.
+pub(crate) fn hash(seed: u32, x: u32, y: u32, z: u32) -> u32 {
     let mut h = seed
         .wrapping_add(x.wrapping_mul(0x9E37_79B1))
         .rotate_left(13)
@@ -43,25 +43,25 @@ pub fn hash(seed: u32, x: u32, y: u32, z: u32) -> u32 {
     h ^ (h >> 15)
 }
 
-/// A hash as a number in [0, 1), from its upper 24 bits.
-pub fn unit(hash: u32) -> f32 {
+/// The upper 24 bits of a hash as a number in [0, 1).
+pub(crate) fn unit(hash: u32) -> f32 {
     (hash >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
-/// The greatest whole number not above `v`, and the rest in [0, 1); `|v|` under 2^31.
-pub fn floor(v: f32) -> (i32, f32) {
+/// The floor of `v` and the rest in [0, 1). `|v|` must be under 2^31.
+pub(crate) fn floor(v: f32) -> (i32, f32) {
     let truncated = v as i32;
     let whole = truncated - i32::from((truncated as f32) > v);
     (whole, v - whole as f32)
 }
 
 /// Perlin's fade: 6 t^5 - 15 t^4 + 10 t^3, flat to the second derivative at 0 and 1.
-pub fn fade(t: f32) -> f32 {
+pub(crate) fn fade(t: f32) -> f32 {
     t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
 }
 
-/// From `a` at t = 0 to `b` at t = 1.
-pub fn lerp(t: f32, a: f32, b: f32) -> f32 {
+/// Linear interpolation from `a` at t = 0 to `b` at t = 1.
+pub(crate) fn lerp(t: f32, a: f32, b: f32) -> f32 {
     a + t * (b - a)
 }
 
@@ -69,33 +69,33 @@ fn gradient(hash: u32) -> [f32; 3] {
     GRADIENTS[((u64::from(hash) * GRADIENTS.len() as u64) >> 32) as usize]
 }
 
-/// Where the voxels of a volume lie on a lattice: voxel i of an axis at `origin + i * step`, in cells.
+/// The positions of a volume's voxels on a lattice: voxel i of an axis is at `origin + i * step`, in cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Grid {
+pub(crate) struct Grid {
     /// Axis lengths (Z, Y, X) of the volume.
-    pub shape: Shape,
-    /// Cells per voxel along (Z, Y, X); at most 1 (more would alias).
-    pub step: [f64; 3],
+    pub(crate) shape: Shape,
+    /// Cells per voxel along (Z, Y, X), at most 1: more would alias.
+    pub(crate) step: [f64; 3],
     /// The cell position of the first voxel, (Z, Y, X).
-    pub origin: [f64; 3],
+    pub(crate) origin: [f64; 3],
 }
 
-/// A periodic lattice with its seed.
+/// A periodic lattice with a seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Lattice {
-    /// Lattices of different seeds have unrelated noise.
-    pub seed: u32,
-    /// Cells after which the noise repeats along (X, Y, Z); at least 1 each.
-    pub period: [u32; 3],
+pub(crate) struct Lattice {
+    /// Lattices with different seeds have unrelated noise.
+    pub(crate) seed: u32,
+    /// The number of cells after which the noise repeats along (X, Y, Z), at least 1.
+    pub(crate) period: [u32; 3],
 }
 
 impl Lattice {
     /// A lattice that does not repeat within any volume.
-    pub fn wide(seed: u32) -> Self {
+    pub(crate) fn wide(seed: u32) -> Self {
         Self { seed, period: [WIDE; 3] }
     }
 
-    /// The wrapped lattice index of a cell along one axis, and of the next.
+    /// The wrapped lattice indices of a cell and of the next one along an axis.
     fn wrap(&self, axis: usize, cell: i32) -> [u32; 2] {
         let period = self.period[axis];
         let low =
@@ -103,7 +103,7 @@ impl Lattice {
         [low, if low + 1 == period { 0 } else { low + 1 }]
     }
 
-    /// The eight corner hashes of the cell around `p` (x fastest) and the place in it.
+    /// The hashes of the eight corners of the cell around `p` (x fastest), and the position within the cell.
     fn corners(&self, p: [f32; 3]) -> ([u32; 8], [f32; 3]) {
         let [(ix, fx), (iy, fy), (iz, fz)] = p.map(floor);
         let (x, y, z) = (self.wrap(0, ix), self.wrap(1, iy), self.wrap(2, iz));
@@ -111,8 +111,8 @@ impl Lattice {
         (corners, [fx, fy, fz])
     }
 
-    /// Perlin's noise at a point (x, y, z), in cells: about -1 to 1, 0 at every lattice point.
-    pub fn perlin(&self, p: [f32; 3]) -> f32 {
+    /// Perlin's noise at a point (x, y, z) in cells: about -1 to 1, and 0 at every lattice point.
+    pub(crate) fn perlin(&self, p: [f32; 3]) -> f32 {
         let (corners, f) = self.corners(p);
         let mut dots = [0.0; 8];
         for (i, (dot, corner)) in dots.iter_mut().zip(corners).enumerate() {
@@ -123,21 +123,21 @@ impl Lattice {
         trilinear(dots, f)
     }
 
-    /// Value noise at a point (x, y, z), in cells: -1 to 1, a random value at every lattice point, faded between.
-    pub fn value(&self, p: [f32; 3]) -> f32 {
+    /// Value noise at a point (x, y, z) in cells: a random value from -1 to 1 at every lattice point, faded between them.
+    pub(crate) fn value(&self, p: [f32; 3]) -> f32 {
         let (corners, f) = self.corners(p);
         trilinear(corners.map(|corner| 2.0 * unit(corner) - 1.0), f)
     }
 
-    /// Perlin's noise at every voxel of a grid: `paint(noise, voxel)` of each, in memory order.
+    /// Calls `paint(noise, voxel)` with Perlin's noise at every voxel of a grid, in memory order.
     ///
-    /// The same function as [`Lattice::perlin`] (to rounding), ten times as fast: along a row the four gradients of a
-    /// lattice column collapse to one line `a + b x`, so a voxel costs two lines and a mix.
-    pub fn perlin_grid(&self, grid: &Grid, field: &mut Field, paint: impl Fn(f32, &mut f32)) {
+    /// This is [`Lattice::perlin`] up to rounding, ten times as fast: along a row, the four gradients of a lattice column
+    /// reduce to one linear function `a + b x`, so that a voxel costs two of them and an interpolation.
+    pub(crate) fn perlin_grid(&self, grid: &Grid, field: &mut Field, paint: impl Fn(f32, &mut f32)) {
         let [nz, ny, nx] = grid.shape;
         debug_assert_eq!(field.shape(), grid.shape);
-        let xs = Axis::new(grid, 2, nx);
-        let (ys, zs) = (Axis::new(grid, 1, ny), Axis::new(grid, 0, nz));
+        let xs = GridAxis::new(grid, 2, nx);
+        let (ys, zs) = (GridAxis::new(grid, 1, ny), GridAxis::new(grid, 0, nz));
         let columns: Vec<u32> = (0..xs.columns()).map(|k| self.wrap(0, xs.first + k as i32)[0]).collect();
         let mut gradients = vec![[[0.0; 3]; 4]; columns.len()];
         let mut lines = vec![(0.0, 0.0); columns.len()];
@@ -171,15 +171,16 @@ impl Lattice {
     }
 }
 
-/// One axis of a grid, worked out once: the cell (counted from `first`), the place in it, and its fade, per voxel.
-struct Axis {
+/// One axis of a grid, computed once: for every voxel its cell (counted from `first`), its position in the cell, and the
+/// fade of that position.
+struct GridAxis {
     first: i32,
     cell: Vec<usize>,
     place: Vec<f32>,
     fade: Vec<f32>,
 }
 
-impl Axis {
+impl GridAxis {
     fn new(grid: &Grid, axis: usize, length: usize) -> Self {
         let position = |i: usize| grid.origin[axis] + i as f64 * grid.step[axis];
         // f64::floor is exact on every platform.
@@ -194,13 +195,13 @@ impl Axis {
         }
     }
 
-    /// Lattice columns that the axis touches.
+    /// The number of lattice columns that the axis touches.
     fn columns(&self) -> usize {
         self.cell.last().map_or(0, |last| last + 2)
     }
 }
 
-/// The mix of eight corner values (x fastest) at the place `f` of a cell, faded along each axis.
+/// Interpolates eight corner values (x fastest) at the position `f` of a cell, faded along each axis.
 fn trilinear(v: [f32; 8], f: [f32; 3]) -> f32 {
     let [x, y, z] = f.map(fade);
     let near = lerp(y, lerp(x, v[0], v[1]), lerp(x, v[2], v[3]));
@@ -208,32 +209,32 @@ fn trilinear(v: [f32; 8], f: [f32; 3]) -> f32 {
     lerp(z, near, far)
 }
 
-/// How far the nearest feature points of a cellular lattice are.
+/// The distances to the nearest feature points of a cellular lattice.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Nearest {
+pub(crate) struct Nearest {
     /// Squared distance to the nearest feature point, in cells.
-    pub first: f32,
+    pub(crate) first: f32,
     /// Squared distance to the second nearest.
-    pub second: f32,
-    /// A hash that names the nearest feature point.
-    pub cell: u32,
+    pub(crate) second: f32,
+    /// The hash that identifies the nearest feature point.
+    pub(crate) cell: u32,
 }
 
-/// Worley's cells: one feature point in every cell of a periodic lattice.
+/// Worley's cellular noise: one feature point in every cell of a periodic lattice.
 #[derive(Clone, Debug)]
-pub struct Cells {
+pub(crate) struct Cells {
     lattice: Lattice,
-    /// Place of each cell's feature point within it (x, y, z), and its name; x fastest.
+    /// Each cell's feature point: its position within the cell (x, y, z) and its hash; x fastest.
     points: Vec<([f32; 3], u32)>,
 }
 
 impl Cells {
-    /// A period that is wider than volumes show at usual scales, and cheap.
-    pub const WIDE: [u32; 3] = [32; 3];
+    /// A period that is longer than volumes at usual scales, and cheap.
+    pub(crate) const WIDE: [u32; 3] = [32; 3];
 
-    /// One feature point per cell, at most `jitter` / 2 (0 to 1) from its middle along each axis. Periods (X, Y, Z) are
-    /// cut to 1..=128 cells.
-    pub fn new(seed: u32, period: [u32; 3], jitter: f32) -> Self {
+    /// Cells whose feature points are at most `jitter / 2` cells from the centre along each axis (`jitter` from 0 to 1).
+    /// Periods (X, Y, Z) are clamped to 1..=128 cells.
+    pub(crate) fn new(seed: u32, period: [u32; 3], jitter: f32) -> Self {
         let period = period.map(|cells| cells.clamp(1, 128));
         let lattice = Lattice { seed, period };
         let mut points = Vec::with_capacity(period.iter().map(|&n| n as usize).product());
@@ -249,8 +250,8 @@ impl Cells {
         Self { lattice, points }
     }
 
-    /// The nearest feature points to (x, y, z), in cells, among the 27 cells around (which nearly always hold both).
-    pub fn nearest(&self, p: [f32; 3]) -> Nearest {
+    /// The two feature points nearest to (x, y, z) in cells, among the 27 cells around it, which nearly always hold both.
+    pub(crate) fn nearest(&self, p: [f32; 3]) -> Nearest {
         let [(ix, fx), (iy, fy), (iz, fz)] = p.map(floor);
         let around = |axis: usize, cell: i32| {
             let ([below, at], [_, above]) = (self.lattice.wrap(axis, cell - 1), self.lattice.wrap(axis, cell));
@@ -269,7 +270,7 @@ impl Cells {
                         place[1] + (dy as f32 - 1.0) - fy,
                         place[2] + (dz as f32 - 1.0) - fz,
                     ];
-                    nearest.meet(px * px + py * py + pz * pz, name);
+                    nearest.offer(px * px + py * py + pz * pz, name);
                 }
             }
         }
@@ -278,7 +279,8 @@ impl Cells {
 }
 
 impl Nearest {
-    fn meet(&mut self, distance: f32, name: u32) {
+    /// Takes another feature point into account.
+    fn offer(&mut self, distance: f32, name: u32) {
         if distance < self.first {
             (self.second, self.first, self.cell) = (self.first, distance, name);
         } else if distance < self.second {
@@ -298,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_and_the_point_are_the_same_noise() {
+    fn grid_and_point_give_the_same_noise() {
         let lattice = Lattice { seed: 9, period: [3, 5, 7] };
         let grid = Grid { shape: [11, 12, 13], step: [0.3, 0.77, 1.0], origin: [-2.4, 0.1, 6.25] };
         let field = painted(&lattice, &grid);
@@ -338,16 +340,16 @@ mod tests {
     }
 
     #[test]
-    fn cells_agree_with_a_search_of_everything() {
+    fn nearest_agrees_with_a_search_of_all_points() {
         let (period, axes) = ([3_u32, 4, 5], [0, 1, 2]);
-        // With little jitter the two nearest points are among the 27 cells for certain.
+        // With little jitter, the two nearest points are certainly among the 27 cells.
         let cells = Cells::new(7, period, 0.2);
         for i in 0..100 {
             let p = [0.17 * i as f32 - 9.0, 0.13 * i as f32, 5.0 - 0.19 * i as f32];
             let mut distances = Vec::new();
             for (index, (place, name)) in cells.points.iter().enumerate() {
                 let cell = [index % 3, index / 3 % 4, index / 12];
-                // The image of the feature point that is nearest, axis by axis.
+                // The nearest periodic image of the feature point, axis by axis.
                 let gap = |k: usize| {
                     let (gap, period) = (place[k] + cell[k] as f32 - p[k], period[k] as f32);
                     gap - period * (gap / period).round()

@@ -1,16 +1,16 @@
-//! Seeded draws: the same numbers on every machine, whatever the versions of the crates around.
+//! Seeded random numbers that are the same on every machine and with every version of the crates used.
 //!
-//! The bits come from ChaCha8; its 256-bit key is the BLAKE3 hash of what is drawn for: recipe seed, group, index and
-//! purpose. So any specimen can be made alone, in any order, on any thread. The ways from bits to numbers are written
-//! here, since those of the `rand` crate may change from version to version.
+//! The bits come from ChaCha8. Its 256-bit key is the BLAKE3 hash of recipe seed, group, index and purpose, so that every
+//! specimen can be computed alone, in any order, on any thread. The conversion of bits to numbers is written here, because
+//! that of the `rand` crate may change between versions.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// Version of the draws: a change that alters any draw must change this word, and with it every golden hash.
+/// The version of the random numbers. A change that alters any of them must change this string and every golden hash.
 const DOMAIN: &[u8] = b"hlacdb synth 1";
 
-/// A stream of draws.
+/// A stream of random numbers.
 pub(crate) struct Random(ChaCha8Rng);
 
 impl Random {
@@ -24,40 +24,40 @@ impl Random {
         Self(ChaCha8Rng::from_seed(*hasher.finalize().as_bytes()))
     }
 
-    /// A seed for something else.
+    /// A seed for another generator.
     pub(crate) fn seed(&mut self) -> u32 {
         self.0.next_u32()
     }
 
-    /// Evenly in [0, 1), from 53 bits.
+    /// Uniform in [0, 1), from 53 bits.
     pub(crate) fn unit(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
     }
 
-    /// Evenly in [low, high).
+    /// Uniform in [low, high).
     pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// As [`Random::between`], in `f32`.
+    /// [`Random::between`] in `f32`.
     pub(crate) fn between32(&mut self, low: f32, high: f32) -> f32 {
         self.between(f64::from(low), f64::from(high)) as f32
     }
 
-    /// Evenly one of 0, 1, ..., `count - 1`; 0 where `count` is 0. The bias of the multiplication is under 2^-32.
+    /// Uniform among 0, 1, ..., `count - 1`; 0 where `count` is 0. The bias of the multiplication is under 2^-32.
     pub(crate) fn below(&mut self, count: u32) -> u32 {
         ((u128::from(self.0.next_u64()) * u128::from(count)) >> 64) as u32
     }
 
-    /// Two independent normal deviates of mean 0 and deviation 1 (Box and Muller).
+    /// Two independent normal deviates of mean 0 and standard deviation 1 (Box and Muller).
     pub(crate) fn normal_pair(&mut self) -> [f64; 2] {
-        // 1 - u is in (0, 1]: its logarithm is finite.
+        // 1 - u is in (0, 1], so its logarithm is finite.
         let radius = libm::sqrt(-2.0 * libm::log(1.0 - self.unit()));
         let (sin, cos) = libm::sincos(std::f64::consts::TAU * self.unit());
         [radius * cos, radius * sin]
     }
 
-    /// A direction, evenly on the unit sphere.
+    /// A direction, uniform on the unit sphere.
     pub(crate) fn direction(&mut self) -> [f32; 3] {
         let z = self.between(-1.0, 1.0);
         let (sin, cos) = libm::sincos(std::f64::consts::TAU * self.unit());
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_part_of_the_key_matters_and_draws_repeat() {
+    fn every_part_of_the_key_matters_and_streams_repeat() {
         let first = |seed, group: &str, index, purpose: &str| Random::of(seed, group, index, purpose).unit().to_bits();
         let base = first(1, "a", 0, "p");
         assert_eq!(base, first(1, "a", 0, "p"));
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn deviates_have_the_moments_they_should() {
+    fn normal_deviates_have_mean_0_and_variance_1() {
         let mut random = Random::of(4, "", 0, "");
         let draws: Vec<f64> = (0..20_000).flat_map(|_| random.normal_pair()).collect();
         let mean = draws.iter().sum::<f64>() / draws.len() as f64;

@@ -4,26 +4,26 @@ use std::collections::BTreeMap;
 
 use super::families::{Brush, Family};
 use super::random::Random;
-use super::{Distortion, Group, Nuisance, Range};
+use super::{Distortion, Nuisance, ParameterRange, RecipeGroup};
 use crate::volume::{Shape, Volume};
 
-/// One texture of a recipe, every number drawn, no voxel made.
+/// One texture of a recipe: all parameters are drawn, but no voxels are computed yet.
 ///
-/// Its voxels depend on the recipe's seed, the group's name and family, the index and the drawn parameters alone:
-/// specimens can be made in any order, on any thread.
+/// The voxels depend only on the recipe's seed, the group's name and family, the index and the drawn parameters, so that
+/// specimens can be computed in any order, on any thread.
 #[derive(Clone, Debug)]
 pub struct Specimen {
-    /// `GROUP-INDEX`, the index from 0 with at least three digits; unique in its recipe and fit for a file name.
+    /// `GROUP-INDEX`, the index from 0 with at least three digits. Unique in its recipe, and a valid file name.
     pub name: String,
-    /// The group's tags; `family` is always among them.
+    /// The group's tags. `family` is always among them.
     pub tags: BTreeMap<String, String>,
-    /// How it is painted.
+    /// The family that paints it.
     pub family: &'static Family,
-    /// Axis lengths (Z, Y, X), before any turn.
+    /// Axis lengths (Z, Y, X) before any rotation.
     pub shape: Shape,
     /// The value of each of the family's parameters, in the family's order.
     pub values: Vec<f32>,
-    /// The nuisance of this specimen, `None` where the recipe has none.
+    /// What the recipe's nuisance does to this specimen; `None` where the recipe has none.
     pub distortion: Option<Distortion>,
     tile: bool,
     seed: u64,
@@ -32,12 +32,12 @@ pub struct Specimen {
 }
 
 impl Specimen {
-    /// The specimen `index` of `group`, under the recipe's `seed`.
-    pub(super) fn draw(seed: u64, group: &Group, index: u64, nuisance: &Nuisance) -> Self {
+    /// Draws the parameters of specimen `index` of `group`, with the recipe's `seed`.
+    pub(super) fn draw(seed: u64, group: &RecipeGroup, index: u64, nuisance: &Nuisance) -> Self {
         let mut random = Random::of(seed, &group.name, index, "parameters");
-        let mut value = |range: &Range, whole: bool| {
+        let mut value = |range: &ParameterRange, whole: bool| {
             if whole {
-                // Whole ranges lie within limits that a u32 holds.
+                // The limits of whole parameters fit into u32.
                 range.low as f32 + random.below((range.high - range.low) as u32 + 1) as f32
             } else {
                 random.between(range.low, range.high) as f32
@@ -60,18 +60,18 @@ impl Specimen {
         }
     }
 
-    /// The parameters by name, as they were drawn.
+    /// The names and drawn values of the parameters.
     pub fn parameters(&self) -> impl Iterator<Item = (&'static str, f32)> {
         self.family.parameters.iter().map(|parameter| parameter.name).zip(self.values.iter().copied())
     }
 
-    /// The voxels, with the recipe's nuisance.
+    /// Computes the voxels and applies the recipe's nuisance.
     pub fn volume(&self) -> Volume {
         let plain = self.plain_volume();
         self.distortion.as_ref().map_or_else(|| plain.clone(), |distortion| distortion.apply(&plain))
     }
 
-    /// The voxels without any nuisance.
+    /// Computes the voxels without the nuisance.
     pub fn plain_volume(&self) -> Volume {
         let random = Random::of(self.seed, &self.group, self.index, "voxels");
         self.family.paint(Brush::new(self.shape, self.tile, &self.values, random)).into_volume()

@@ -165,5 +165,8 @@ fn a_single_sheet_states_shape_and_scale() {
     let volume = Volume::from_fn([130, 130, 130], |z, _, _| z as u8).unwrap();
     let options = ContactSheetOptions::new();
     let explicit = ["rock", "130 x 130 x 130 voxels", "64 of 130 slices across Z, shown at 1:3"];
-    assert_eq!(single_sheet(&panel(&volume, &["rock"]), &options), contact_sheet(&[panel(&volume, &explicit)], &options));
+    assert_eq!(
+        single_sheet(&panel(&volume, &["rock"]), &options),
+        contact_sheet(&[panel(&volume, &explicit)], &options)
+    );
 }

@@ -4,7 +4,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 use super::RenderError;
-use super::page::{Anchor, Area, FAINT, GRID, INK, color, font, px, plot_error, text};
+use super::page::{Anchor, Area, FAINT, GRID, INK, color, font, plot_error, px, text};
 
 /// One curve of a panel.
 pub(super) struct Curve<'a> {

@@ -69,7 +69,12 @@ pub(super) fn plot_error(error: impl std::fmt::Display) -> RenderError {
 }
 
 /// Writes a text at a position in pixels.
-pub(super) fn text(area: &Area<'_>, words: &str, at: (f64, f64), style: &TextStyle<'static>) -> Result<(), RenderError> {
+pub(super) fn text(
+    area: &Area<'_>,
+    words: &str,
+    at: (f64, f64),
+    style: &TextStyle<'static>,
+) -> Result<(), RenderError> {
     area.draw(&Text::new(printable(words), (px(at.0), px(at.1)), style.clone())).map_err(plot_error)
 }
 

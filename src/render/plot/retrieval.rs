@@ -3,7 +3,7 @@
 use super::RenderError;
 use super::bars::{Bars, MAX_ROWS};
 use super::curves::{self, Curve, PlotAxes};
-use super::page::{self, FAINT, INK, Anchor, font, shortened, text};
+use super::page::{self, Anchor, FAINT, INK, font, shortened, text};
 use crate::eval::{CURVE_RECALLS, Evaluation, SpaceMeasures};
 
 /// The width of the page and the height of the two panels of curves, in pixels.

@@ -1,7 +1,7 @@
 //! The plot of a store's statistics: the 251 moments, and the share of variance along each axis of a space.
 
 use super::RenderError;
-use super::page::{self, Area, FAINT, GRID, INK, color, fill, font, line, px, text};
+use super::page::{self, Anchor, Area, FAINT, GRID, INK, color, fill, font, line, px, text};
 use crate::database::StatisticsReport;
 use crate::hlac::MASKS;
 use plotters::style::RGBColor;

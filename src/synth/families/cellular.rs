@@ -1,15 +1,16 @@
-//! Cells after Worley: cobble stone, foam, crystals, scales, cracked ground, sponge.
+//! Worley's cellular noise: cobble stone, foam, crystals, scales, cracked ground, sponge.
 
 use super::{Brush, Family, Frame, octaves, real, scale, smoothstep, tilt};
+use crate::synth::field::Field;
+use crate::synth::fractal::Fractal;
 use crate::synth::noise::{Cells, hash, lerp, unit};
-use crate::synth::{Field, Fractal};
 
-/// Cells with a feature point anywhere in them.
+/// Cellular noise with a new seed.
 fn cells(brush: &mut Brush, jitter: f32) -> Cells {
     Cells::new(brush.random.seed(), Cells::WIDE, jitter)
 }
 
-/// `f` of the distances (in cells) to the two nearest feature points and the nearest one's name, at every voxel.
+/// The field of `f` of the distances (in cells) to the two nearest feature points and the hash of the nearest one.
 fn cellular(brush: &Brush, frame: &Frame, cells: &Cells, scale: f32, f: impl Fn(f32, f32, u32) -> f32) -> Field {
     brush.positions(frame, |p| {
         let nearest = cells.nearest(p.map(|v| v / scale));
@@ -17,7 +18,7 @@ fn cellular(brush: &Brush, frame: &Frame, cells: &Cells, scale: f32, f: impl Fn(
     })
 }
 
-/// The share of full scale by which a hash's grey differs from 0, -0.5 to 0.5.
+/// A grey offset from -0.5 to 0.5, drawn from a hash.
 fn shade(name: u32) -> f32 {
     unit(hash(name, 7, 0, 0)) - 0.5
 }
@@ -66,7 +67,7 @@ pub(super) static FOAM: Family = Family {
 
 pub(super) static CRYSTAL: Family = Family {
     name: "crystal",
-    about: "Crystals: flat facets, each of one grey that slopes a little in a direction of its own.",
+    about: "Crystals: flat facets, each of one grey with a slight gradient in its own direction.",
     tiles: false,
     parameters: &[
         scale([10.0, 18.0]),
@@ -81,7 +82,7 @@ pub(super) static CRYSTAL: Family = Family {
             let name = cells.nearest(p).cell;
             let along = [1, 2, 3].map(|salt| 2.0 * unit(hash(name, salt, 1, 0)) - 1.0);
             let place = p[0] * along[0] + p[1] * along[1] + p[2] * along[2];
-            // A triangle wave: facets are planes, and the place within the crystal is not known.
+            // A triangle wave, because the position within the crystal is not known.
             let fold = (2.0 * crate::synth::noise::floor(0.5 * place).1 - 1.0).abs();
             0.5 + (1.0 - slope) * shade(name) + slope * (fold - 0.5)
         })
@@ -110,12 +111,12 @@ pub(super) static SCALES: Family = Family {
 
 pub(super) static CRACKS: Family = Family {
     name: "cracks",
-    about: "Cracked ground: pale plates parted by thin, ragged dark cracks.",
+    about: "Cracked ground: pale plates separated by thin, ragged dark cracks.",
     tiles: false,
     parameters: &[
         scale([14.0, 24.0]),
         real("width", [0.01, 1.0], [0.05, 0.1], "width of a crack, in cells"),
-        real("ragged", [0.0, 2.0], [0.15, 0.35], "how far the cracks stray, in cells"),
+        real("ragged", [0.0, 2.0], [0.15, 0.35], "displacement of the cracks, in cells"),
     ],
     paint: |mut brush| {
         let [scale, width, ragged] = brush.values();

@@ -1,8 +1,9 @@
-//! What flows: clouds, smoke, water, interfering waves, dunes.
+//! Fluids and what they form: clouds, smoke, water, interfering waves, dunes.
 
 use super::{Brush, Family, octaves, real, scale, smoothstep, tilt, wave, whole};
+use crate::synth::field::Field;
+use crate::synth::fractal::{Fractal, OctaveFold};
 use crate::synth::noise::floor;
-use crate::synth::{Field, Fold, Fractal};
 
 pub(super) static CLOUDS: Family = Family {
     name: "clouds",
@@ -28,12 +29,12 @@ pub(super) static CLOUDS: Family = Family {
 
 pub(super) static SMOKE: Family = Family {
     name: "smoke",
-    about: "Smoke: wisps, noise whose place is itself displaced by noise, twice.",
+    about: "Smoke: wisps of noise whose domain is displaced by noise, twice.",
     tiles: false,
     parameters: &[
         scale([18.0, 30.0]),
         octaves([3, 4]),
-        real("curl", [0.0, 4.0], [0.8, 1.6], "how far the wisps are displaced, in units of the scale"),
+        real("curl", [0.0, 4.0], [0.8, 1.6], "displacement of the wisps, in units of the scale"),
     ],
     paint: |mut brush| {
         let [scale, octaves, curl] = brush.values();
@@ -52,7 +53,7 @@ pub(super) static SMOKE: Family = Family {
     },
 };
 
-/// Three fields of displacement along x, y and z, up to about `strength`.
+/// Displacements along x, y and z of about `strength` at most.
 fn displacement(brush: &mut Brush, scale: f32, strength: f32) -> [Field; 3] {
     [(); 3].map(|()| {
         let noise = brush.noise(1.0);
@@ -62,13 +63,13 @@ fn displacement(brush: &mut Brush, scale: f32, strength: f32) -> [Field; 3] {
 
 pub(super) static WATER: Family = Family {
     name: "water",
-    about: "Water: the bright net that ripples throw, thin crests of ridged noise in moving cells.",
+    about: "Water: the bright net of caustics, thin crests of ridged noise.",
     tiles: true,
-    parameters: &[scale([14.0, 24.0]), real("sharp", [1.0, 20.0], [4.0, 8.0], "how thin the bright lines are")],
+    parameters: &[scale([14.0, 24.0]), real("sharp", [1.0, 20.0], [4.0, 8.0], "sharpness of the bright lines")],
     paint: |mut brush| {
         let [scale, sharp] = brush.values();
         let mut layer = |scale: f32| {
-            let noise = brush.noise(1.0).folded(Fold::Absolute);
+            let noise = brush.noise(1.0).folded(OctaveFold::Absolute);
             brush.field(noise, scale).map(|noise| libm::expf(-sharp * noise))
         };
         let (coarse, fine) = (layer(scale), layer(0.62 * scale));
@@ -78,7 +79,7 @@ pub(super) static WATER: Family = Family {
 
 pub(super) static WAVES: Family = Family {
     name: "waves",
-    about: "Interference: plane waves of one length in a few directions, added.",
+    about: "Interference: the sum of plane waves of one length in a few directions.",
     tiles: false,
     parameters: &[
         real("length", [3.0, 256.0], [7.0, 14.0], "length of a wave, in voxels"),
@@ -103,7 +104,7 @@ pub(super) static DUNES: Family = Family {
     tiles: false,
     parameters: &[
         real("spacing", [2.0, 256.0], [7.0, 13.0], "distance between crests, in voxels"),
-        real("winding", [0.0, 4.0], [0.5, 1.1], "how far the crests wind, in spacings"),
+        real("winding", [0.0, 4.0], [0.5, 1.1], "displacement of the crests, in spacings"),
         real("steep", [0.02, 0.98], [0.12, 0.28], "share of a ripple that is the steep slope"),
         tilt([0.0, 180.0]),
     ],

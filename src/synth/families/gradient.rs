@@ -1,8 +1,9 @@
-//! Noise itself: one octave, and the sums that graphics people build everything else from.
+//! Noise itself: one octave, and the sums of octaves that other families build on.
 
 use super::{Brush, Family, octaves, real, scale};
+use crate::synth::field::Field;
+use crate::synth::fractal::{Fractal, OctaveFold};
 use crate::synth::noise::Lattice;
-use crate::synth::{Field, Fold, Fractal};
 
 pub(super) static PERLIN: Family = Family {
     name: "perlin",
@@ -18,7 +19,7 @@ pub(super) static PERLIN: Family = Family {
 
 pub(super) static FRACTAL: Family = Family {
     name: "fractal",
-    about: "The paper's sum of octaves, each twice as fine and half as strong as the one before.",
+    about: "The paper's sum of octaves, each twice as fine and half as strong as the previous one.",
     tiles: true,
     parameters: &[scale([12.0, 32.0]), octaves([3, 5])],
     paint: |mut brush| {
@@ -34,14 +35,14 @@ macro_rules! sum_parameters {
         &[
             scale($scale),
             octaves($octaves),
-            real("lacunarity", [1.5, 4.0], [1.8, 2.2], "how many times finer each octave is"),
-            real("gain", [0.1, 1.0], $gain, "strength of each octave, as a share of the one before"),
+            real("lacunarity", [1.5, 4.0], [1.8, 2.2], "ratio of the scales of successive octaves"),
+            real("gain", [0.1, 1.0], $gain, "strength of each octave relative to the previous one"),
         ]
     };
 }
 
 /// A sum of octaves with the four parameters of [`sum_parameters`].
-fn sum(mut brush: Brush, fold: Fold) -> Field {
+fn sum(mut brush: Brush, fold: OctaveFold) -> Field {
     let [scale, octaves, lacunarity, gain] = brush.values();
     let fractal = Fractal { lacunarity, gain, fold, ..brush.noise(octaves) };
     brush.field(fractal, scale).stretched()
@@ -52,7 +53,7 @@ pub(super) static FBM: Family = Family {
     about: "Fractional Brownian motion: octaves with free gain and lacunarity, rougher than the paper's sum.",
     tiles: true,
     parameters: sum_parameters!([12.0, 32.0], [5, 6], [0.65, 0.85]),
-    paint: |brush| sum(brush, Fold::Plain),
+    paint: |brush| sum(brush, OctaveFold::Plain),
 };
 
 pub(super) static TURBULENCE: Family = Family {
@@ -60,7 +61,7 @@ pub(super) static TURBULENCE: Family = Family {
     about: "The sum of the octaves' absolute values: billows with dark creases.",
     tiles: true,
     parameters: sum_parameters!([12.0, 28.0], [3, 5], [0.4, 0.6]),
-    paint: |brush| sum(brush, Fold::Absolute),
+    paint: |brush| sum(brush, OctaveFold::Absolute),
 };
 
 pub(super) static RIDGED: Family = Family {
@@ -68,7 +69,7 @@ pub(super) static RIDGED: Family = Family {
     about: "Ridged noise: sharp bright ridges, rough near their crests.",
     tiles: true,
     parameters: sum_parameters!([12.0, 28.0], [3, 5], [0.4, 0.6]),
-    paint: |brush| sum(brush, Fold::Ridged),
+    paint: |brush| sum(brush, OctaveFold::Ridged),
 };
 
 pub(super) static VALUE: Family = Family {

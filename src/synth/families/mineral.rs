@@ -1,7 +1,7 @@
-//! Stones: marble, granite, agate, veined rock.
+//! Minerals: marble, granite, agate, veined rock.
 
 use super::{Family, octaves, real, scale, smoothstep, tilt, wave};
-use crate::synth::Fold;
+use crate::synth::fractal::OctaveFold;
 use crate::synth::noise::{Cells, floor, hash, lerp, unit};
 
 pub(super) static MARBLE: Family = Family {
@@ -12,13 +12,13 @@ pub(super) static MARBLE: Family = Family {
         scale([16.0, 32.0]),
         octaves([3, 5]),
         real("spacing", [2.0, 256.0], [10.0, 20.0], "distance between veins, in voxels"),
-        real("power", [0.0, 10.0], [0.8, 2.0], "how far turbulence folds the veins, in spacings"),
-        real("sharpness", [0.1, 4.0], [0.4, 0.8], "exponent of the profile: low for thin dark veins"),
+        real("power", [0.0, 10.0], [0.8, 2.0], "displacement of the veins by turbulence, in spacings"),
+        real("sharpness", [0.1, 4.0], [0.4, 0.8], "exponent of the profile: low values give thin dark veins"),
         tilt([0.0, 180.0]),
     ],
     paint: |mut brush| {
         let [scale, octaves, spacing, power, sharpness, tilt] = brush.values();
-        let noise = brush.noise(octaves).folded(Fold::Absolute);
+        let noise = brush.noise(octaves).folded(OctaveFold::Absolute);
         let folds = brush.field(noise, scale);
         let frame = brush.frame(tilt);
         let across = brush.positions(&frame, |[x, ..]| x / spacing);
@@ -32,8 +32,8 @@ pub(super) static GRANITE: Family = Family {
     tiles: false,
     parameters: &[
         scale([4.0, 7.0]),
-        real("dark", [0.0, 1.0], [0.15, 0.35], "share of the dark mineral"),
-        real("light", [0.0, 1.0], [0.2, 0.35], "share of the light mineral"),
+        real("dark", [0.0, 1.0], [0.15, 0.35], "fraction of the dark mineral"),
+        real("light", [0.0, 1.0], [0.2, 0.35], "fraction of the light mineral"),
         real("grain", [0.0, 1.0], [0.15, 0.3], "strength of the fine grain within minerals"),
     ],
     paint: |mut brush| {
@@ -44,7 +44,7 @@ pub(super) static GRANITE: Family = Family {
         let frame = brush.frame(90.0);
         let mut ragged = ragged.values().iter();
         let minerals = brush.positions(&frame, |p| {
-            // Ragged borders: the place is pushed about by noise before its cell is looked up.
+            // Ragged borders: noise displaces the position before its cell is looked up.
             let push = 0.35 * scale * ragged.next().copied().unwrap_or_default();
             let nearest = cells.nearest([(p[0] + push) / scale, (p[1] - push) / scale, (p[2] + push) / scale]);
             let kind = unit(nearest.cell);
@@ -69,7 +69,7 @@ pub(super) static AGATE: Family = Family {
     parameters: &[
         scale([28.0, 48.0]),
         real("bands", [1.0, 100.0], [9.0, 18.0], "number of bands per unit of noise"),
-        real("soft", [0.02, 1.0], [0.2, 0.6], "share of a band over which it fades into the next"),
+        real("soft", [0.02, 1.0], [0.2, 0.6], "fraction of a band over which it fades into the next"),
     ],
     paint: |mut brush| {
         let [scale, bands, soft] = brush.values();
@@ -85,12 +85,12 @@ pub(super) static AGATE: Family = Family {
 
 pub(super) static VEINS: Family = Family {
     name: "veins",
-    about: "Veined rock: thin bright sheets through a dull ground.",
+    about: "Veined rock: thin bright sheets through a dull background.",
     tiles: false,
     parameters: &[
         scale([18.0, 32.0]),
         real("width", [0.01, 1.0], [0.05, 0.12], "half-width of a vein, in units of noise"),
-        real("ground", [0.0, 1.0], [0.15, 0.3], "contrast of the ground"),
+        real("ground", [0.0, 1.0], [0.15, 0.3], "contrast of the background"),
     ],
     paint: |mut brush| {
         let [scale, width, ground] = brush.values();

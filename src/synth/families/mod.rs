@@ -1,58 +1,61 @@
-//! Families of textures: what graphics people know by name.
+//! Families of textures: the procedural textures of computer graphics.
 //!
-//! Each family has named parameters with limits, a usual range, and a rule that paints them; lengths are in voxels,
-//! angles in degrees, strengths and shares from 0 to 1. A new family is one entry of a module's `FAMILIES` list.
+//! A family has named parameters, each with limits and a usual range, and a function that paints a texture from them.
+//! Lengths are in voxels, angles in degrees, strengths and fractions from 0 to 1. A new family is one `static` in a module
+//! of this folder and one entry of [`FAMILIES`].
 //!
-//! Many families have a `tilt`: the pattern is turned by that angle about an axis drawn at random (0: along the axes
-//! of the volume; a range of 0 to 180 gives any orientation).
+//! Many families have a `tilt`: the pattern is rotated by this angle about a random axis. At 0 it is aligned with the axes
+//! of the volume; the range 0 to 180 gives every orientation.
 
+mod artificial;
 mod cellular;
 mod fluid;
 mod gradient;
 mod grains;
-mod made;
 mod mineral;
 mod organic;
 mod random_field;
 mod surface;
 
+use super::field::Field;
+use super::fractal::Fractal;
 use super::random::Random;
-use super::{Field, Fractal, Limits, Range};
+use super::{ParameterLimits, ParameterRange};
 use crate::volume::Shape;
 
-/// A number that a family's rule needs.
+/// A parameter of a family.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Parameter {
-    /// Its name in recipes.
+pub struct FamilyParameter {
+    /// The name in recipes.
     pub name: &'static str,
-    /// What it does, with its unit.
+    /// The meaning, with the unit.
     pub about: &'static str,
-    /// What a recipe may ask for.
-    pub limits: Limits,
-    /// What it is drawn from where a recipe says nothing.
-    pub usual: Range,
+    /// The values that a recipe may use.
+    pub limits: ParameterLimits,
+    /// The range where a recipe names none.
+    pub usual: ParameterRange,
 }
 
-/// A way to paint a texture.
+/// A procedure that paints a kind of texture.
 pub struct Family {
-    /// Its name in recipes and tags.
+    /// The name in recipes and tags.
     pub name: &'static str,
-    /// What it looks like, in a sentence.
+    /// A description in one sentence.
     pub about: &'static str,
-    /// Whether it can tile without a seam.
+    /// Whether its textures can tile without a seam.
     pub tiles: bool,
-    /// Its parameters, in the order of [`Specimen::values`](super::Specimen::values).
-    pub parameters: &'static [Parameter],
+    /// The parameters, in the order of [`Specimen::values`](super::Specimen::values).
+    pub parameters: &'static [FamilyParameter],
     paint: fn(Brush) -> Field,
 }
 
 impl Family {
-    /// The family of this name.
+    /// The family with this name.
     pub fn named(name: &str) -> Option<&'static Self> {
         FAMILIES.iter().copied().find(|family| family.name == name)
     }
 
-    /// The painted field: 0 is black, 1 is white.
+    /// Paints a texture: 0 is black, 1 is white.
     pub(super) fn paint(&self, brush: Brush) -> Field {
         (self.paint)(brush)
     }
@@ -88,12 +91,12 @@ pub static FAMILIES: &[&Family] = &[
     &fluid::WATER,
     &fluid::WAVES,
     &fluid::DUNES,
-    &made::CHECKER,
-    &made::STRIPES,
-    &made::BRICK,
-    &made::WEAVE,
-    &made::DOTS,
-    &made::LAMELLAE,
+    &artificial::CHECKER,
+    &artificial::STRIPES,
+    &artificial::BRICK,
+    &artificial::WEAVE,
+    &artificial::DOTS,
+    &artificial::LAMELLAE,
     &surface::GYROID,
     &surface::PRIMITIVE,
     &surface::DIAMOND,
@@ -112,34 +115,34 @@ pub static FAMILIES: &[&Family] = &[
     &random_field::LAVA,
 ];
 
-/// A parameter that takes any number within limits.
-const fn real(name: &'static str, limits: [f64; 2], usual: [f64; 2], about: &'static str) -> Parameter {
-    let limits = Limits { low: limits[0], high: limits[1], whole: false };
-    Parameter { name, about, limits, usual: Range { low: usual[0], high: usual[1] } }
+/// A parameter that takes real numbers.
+const fn real(name: &'static str, limits: [f64; 2], usual: [f64; 2], about: &'static str) -> FamilyParameter {
+    let limits = ParameterLimits { low: limits[0], high: limits[1], whole: false };
+    FamilyParameter { name, about, limits, usual: ParameterRange { low: usual[0], high: usual[1] } }
 }
 
 /// A parameter that takes whole numbers.
-const fn whole(name: &'static str, limits: [u32; 2], usual: [u32; 2], about: &'static str) -> Parameter {
-    let limits = Limits { low: limits[0] as f64, high: limits[1] as f64, whole: true };
-    Parameter { name, about, limits, usual: Range { low: usual[0] as f64, high: usual[1] as f64 } }
+const fn whole(name: &'static str, limits: [u32; 2], usual: [u32; 2], about: &'static str) -> FamilyParameter {
+    let limits = ParameterLimits { low: limits[0] as f64, high: limits[1] as f64, whole: true };
+    FamilyParameter { name, about, limits, usual: ParameterRange { low: usual[0] as f64, high: usual[1] as f64 } }
 }
 
 /// The size of the coarsest features.
-const fn scale(usual: [f64; 2]) -> Parameter {
+const fn scale(usual: [f64; 2]) -> FamilyParameter {
     real("scale", [2.0, 256.0], usual, "size of the coarsest features, in voxels")
 }
 
 /// The number of noise octaves.
-const fn octaves(usual: [u32; 2]) -> Parameter {
+const fn octaves(usual: [u32; 2]) -> FamilyParameter {
     whole("octaves", [1, 12], usual, "number of noise octaves; those finer than a voxel are left out")
 }
 
-/// How far the pattern is turned.
-const fn tilt(usual: [f64; 2]) -> Parameter {
+/// The orientation of the pattern.
+const fn tilt(usual: [f64; 2]) -> FamilyParameter {
     real("tilt", [0.0, 180.0], usual, "angle of the pattern against the volume's axes, in degrees")
 }
 
-/// What a family paints with: the shape, the drawn parameters and a stream of seeded draws.
+/// What a family paints with: the shape, the drawn parameters and a stream of random numbers.
 pub(super) struct Brush<'a> {
     shape: Shape,
     tile: bool,
@@ -148,28 +151,28 @@ pub(super) struct Brush<'a> {
 }
 
 impl<'a> Brush<'a> {
-    /// A brush for one specimen.
+    /// The brush for one specimen.
     pub(super) fn new(shape: Shape, tile: bool, values: &'a [f32], random: Random) -> Self {
         Self { shape, tile, values, random }
     }
 
-    /// The parameters, in the family's order, all of them.
+    /// All parameters, in the family's order.
     fn values<const N: usize>(&self) -> [f32; N] {
-        debug_assert_eq!(self.values.len(), N, "a family takes all its parameters");
+        debug_assert_eq!(self.values.len(), N, "a family reads all its parameters");
         std::array::from_fn(|i| self.values.get(i).copied().unwrap_or_default())
     }
 
-    /// The paper's sum of octaves, seeded anew.
+    /// The paper's sum of octaves with a new seed.
     fn noise(&mut self, octaves: f32) -> Fractal {
         Fractal::paper(self.random.seed(), octaves as u32)
     }
 
-    /// The field of a sum of octaves with features of `scale` voxels.
+    /// The field of a sum of octaves whose coarsest features have `scale` voxels.
     fn field(&self, fractal: Fractal, scale: f32) -> Field {
         fractal.field(self.shape, [scale; 3], self.tile)
     }
 
-    /// Axes turned by `tilt` degrees about an axis drawn at random, with an origin drawn at random.
+    /// Coordinate axes rotated by `tilt` degrees about a random axis, with a random origin.
     fn frame(&mut self, tilt: f32) -> Frame {
         let [x, y, z] = self.random.direction();
         let (sin, cos) = libm::sincosf(tilt * (std::f32::consts::PI / 180.0));
@@ -184,19 +187,20 @@ impl<'a> Brush<'a> {
         }
     }
 
-    /// `f` of the position of each voxel, in voxels along the axes of `frame`.
+    /// The field of `f` at the position of each voxel, in voxels along the axes of `frame`.
     fn positions(&self, frame: &Frame, mut f: impl FnMut([f32; 3]) -> f32) -> Field {
         Field::from_positions(self.shape, |p| f(frame.place(p)))
     }
 }
 
-/// Turned and shifted axes.
+/// Rotated and shifted coordinate axes.
 struct Frame {
     axes: [[f32; 3]; 3],
     origin: [f32; 3],
 }
 
 impl Frame {
+    /// The coordinates of a position of the volume.
     fn place(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         let along = |axis: usize| {
             let row = self.axes[axis];
@@ -206,15 +210,15 @@ impl Frame {
     }
 }
 
-/// 0 below `low`, 1 above `high`, smooth between.
+/// 0 below `low`, 1 above `high`, a smooth step between them.
 fn smoothstep(low: f32, high: f32, v: f32) -> f32 {
     let t = ((v - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// The sine of a full turn times `turns`.
+/// The sine of `turns` full turns.
 fn wave(turns: f32) -> f32 {
-    // The whole turns go first: they would cost precision.
+    // Whole turns are removed first, because they would cost precision.
     libm::sinf(std::f32::consts::TAU * super::noise::floor(turns).1)
 }
 
@@ -228,18 +232,18 @@ mod tests {
     fn families_and_parameters_are_well_formed() {
         let mut names = HashSet::new();
         for family in FAMILIES {
-            assert!(names.insert(family.name), "{} twice", family.name);
+            assert!(names.insert(family.name), "duplicate family {}", family.name);
             assert!(family.about.ends_with('.') && !family.parameters.is_empty(), "{}", family.name);
             let mut names = HashSet::new();
-            for Parameter { name, limits, usual, .. } in family.parameters {
-                assert!(names.insert(name), "{}: {name} twice", family.name);
+            for FamilyParameter { name, limits, usual, .. } in family.parameters {
+                assert!(names.insert(name), "{}: duplicate parameter {name}", family.name);
                 assert!(limits.low <= usual.low && usual.low <= usual.high && usual.high <= limits.high, "{name}");
             }
         }
     }
 
     #[test]
-    fn frames_keep_lengths_and_hands() {
+    fn frames_are_rotations() {
         let mut brush = Brush::new([9; 3], false, &[], Random::of(3, "", 0, ""));
         for tilt in [0.0, 30.0, 90.0, 180.0] {
             let [a, b, c] = brush.frame(tilt).axes;
@@ -257,7 +261,7 @@ mod tests {
     fn every_family_paints_at_the_ends_of_its_limits() {
         for family in FAMILIES {
             for end in 0..3 {
-                let value = |p: &Parameter| [p.limits.low, p.limits.high, p.usual.low][end] as f32;
+                let value = |p: &FamilyParameter| [p.limits.low, p.limits.high, p.usual.low][end] as f32;
                 let values: Vec<f32> = family.parameters.iter().map(value).collect();
                 let random = Random::of(1, family.name, 0, "voxels");
                 let field = family.paint(Brush::new([9, 10, 11], family.tiles, &values, random));

@@ -1,4 +1,4 @@
-//! What grows: wood.
+//! Organic textures: wood.
 
 use super::{Family, real, smoothstep, tilt};
 use crate::synth::noise::floor;
@@ -9,7 +9,7 @@ pub(super) static WOOD: Family = Family {
     tiles: false,
     parameters: &[
         real("spacing", [2.0, 256.0], [6.0, 12.0], "width of a growth ring, in voxels"),
-        real("wobble", [0.0, 4.0], [0.3, 0.9], "how far the rings are out of round, in rings"),
+        real("wobble", [0.0, 4.0], [0.3, 0.9], "deviation of the rings from circles, in rings"),
         real("fibre", [0.0, 1.0], [0.1, 0.25], "contrast of the fibres"),
         tilt([0.0, 180.0]),
     ],
@@ -17,7 +17,7 @@ pub(super) static WOOD: Family = Family {
         let [spacing, wobble, fibre, tilt] = brush.values();
         let (bend, strands) = (brush.noise(2.0), brush.noise(2.0));
         let frame = brush.frame(tilt);
-        // The pith is beside or within the volume; the frame's own origin would put it far away.
+        // The pith is in or near the volume; the frame's own origin would put it far away.
         let pith = [brush.random.between32(-40.0, 40.0), brush.random.between32(-40.0, 40.0)];
         brush.positions(&frame, |p| {
             let [x, y] = [p[0] - frame.origin[0] - pith[0], p[1] - frame.origin[1] - pith[1]];

@@ -2,10 +2,11 @@
 //! sediment.
 
 use super::{Brush, Family, octaves, real, scale, smoothstep, tilt, whole};
+use crate::synth::field::Field;
+use crate::synth::fractal::Fractal;
 use crate::synth::noise::{Lattice, hash, lerp, unit};
-use crate::synth::{Field, Fractal};
 
-/// White noise, evenly 0 to 1, one number per voxel.
+/// White noise: one uniform number from 0 to 1 per voxel.
 fn white(brush: &mut Brush) -> Field {
     let seed = brush.random.seed();
     let mut field = Field::constant(brush.shape, 0.0);
@@ -15,12 +16,12 @@ fn white(brush: &mut Brush) -> Field {
     field
 }
 
-/// White noise blurred three times, near a Gaussian of deviation `radius`, with mean 0 and deviation 1.
+/// White noise after three box blurs, close to a Gaussian filter, with mean 0 and standard deviation 1.
 fn gaussian(brush: &mut Brush, radius: [u32; 3]) -> Field {
     normalised(white(brush).blurred(radius.map(|r| r as usize), 3))
 }
 
-/// Shifted and scaled to mean 0 and deviation 1; sums in `f64`, in memory order.
+/// The field with mean 0 and standard deviation 1; sums in `f64`, in memory order.
 fn normalised(field: Field) -> Field {
     let count = field.values().len() as f64;
     let mean = field.values().iter().map(|&v| f64::from(v)).sum::<f64>() / count;
@@ -42,7 +43,7 @@ pub(super) static GAUSSIAN: Family = Family {
 
 pub(super) static BRUSHED: Family = Family {
     name: "brushed",
-    about: "Brushed metal: noise smeared far along one axis and hardly along the others.",
+    about: "Brushed metal: noise smeared along one axis.",
     tiles: true,
     parameters: &[
         whole("length", [1, 64], [4, 8], "radius of the smear, in voxels"),
@@ -77,7 +78,7 @@ pub(super) static SPECKLE: Family = Family {
                 0.0
             }
         });
-        // One pass of radius 1 leaves a grain a 27th of its height.
+        // One pass of radius 1 reduces a speck to 1/27 of its height.
         speckle.blurred([1; 3], 1).map(|v| 0.5 + 8.0 * v)
     },
 };
@@ -105,7 +106,7 @@ pub(super) static SANDSTONE: Family = Family {
 
 pub(super) static SPINODAL: Family = Family {
     name: "spinodal",
-    about: "A labyrinth of two phases parting: one width of channel, no direction.",
+    about: "A labyrinth of two separating phases: one channel width, no preferred direction.",
     tiles: true,
     parameters: &[
         whole("radius", [1, 16], [1, 3], "inner radius of the filter, in voxels: a quarter of a channel's width"),
@@ -113,7 +114,7 @@ pub(super) static SPINODAL: Family = Family {
     ],
     paint: |mut brush| {
         let [radius, share] = brush.values();
-        // A band of wavelengths: narrow blur minus wide blur.
+        // A band of wavelengths: a narrow blur minus a wide one.
         let noise = white(&mut brush);
         let radius = radius as usize;
         let wide = noise.clone().blurred([radius + radius.div_ceil(2); 3], 3);
@@ -147,7 +148,7 @@ pub(super) static CAMOUFLAGE: Family = Family {
 
 pub(super) static SEDIMENT: Family = Family {
     name: "sediment",
-    about: "Sediment: beds of many thicknesses and greys, gently folded, with the grain of sand.",
+    about: "Sediment: beds of many thicknesses and greys, gently folded, with a grain like sand.",
     tiles: false,
     parameters: &[
         real("bed", [2.0, 256.0], [14.0, 28.0], "thickness of the thickest beds, in voxels"),
@@ -165,7 +166,7 @@ pub(super) static SEDIMENT: Family = Family {
         let height = brush.positions(&frame, |[_, _, z]| z / bed);
         let layers = height.zip(&folds, |height, folds| {
             let at = height + fold * folds;
-            // Value noise along the height alone, finer and weaker by octaves.
+            // Value noise along the height only, finer and weaker by octaves.
             let octave = |(i, bed): (i32, &Lattice)| {
                 let finer = (1 << i) as f32;
                 bed.value([0.5, 0.5, at * finer]) / (1.0 + 0.6 * i as f32)

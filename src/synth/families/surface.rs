@@ -2,18 +2,18 @@
 
 use std::f32::consts::TAU;
 
-use super::{Brush, Family, Parameter, real, smoothstep, tilt};
-use crate::synth::Field;
+use super::{Brush, Family, FamilyParameter, real, smoothstep, tilt};
+use crate::synth::field::Field;
 
-/// The parameters that all of them share.
-const PARAMETERS: &[Parameter] = &[
+/// The parameters that all of these families share.
+const PARAMETERS: &[FamilyParameter] = &[
     real("period", [4.0, 256.0], [14.0, 24.0], "length after which the surface repeats, in voxels"),
-    real("level", [-1.0, 1.0], [-0.3, 0.3], "which level of the function is the border between dark and light"),
+    real("level", [-1.0, 1.0], [-0.3, 0.3], "level of the function at the border between dark and light"),
     real("soft", [0.02, 4.0], [0.3, 0.8], "width of the border, in units of the function"),
     tilt([0.0, 180.0]),
 ];
 
-/// One side of the surface light, the other dark. `f` takes the sines and the cosines of the three phases.
+/// Paints one side of the surface light and the other dark. `f` takes the sines and the cosines of the three phases.
 fn sides(mut brush: Brush, f: impl Fn([f32; 3], [f32; 3]) -> f32) -> Field {
     let [period, level, soft, tilt] = brush.values();
     let frame = brush.frame(tilt);
@@ -42,7 +42,7 @@ pub(super) static PRIMITIVE: Family = Family {
 
 pub(super) static DIAMOND: Family = Family {
     name: "diamond",
-    about: "Schwarz's D surface: two labyrinths joined as the atoms of diamond are.",
+    about: "Schwarz's D surface: two labyrinths joined like the atoms of diamond.",
     tiles: false,
     parameters: PARAMETERS,
     paint: |brush| sides(brush, |[sx, sy, sz], [cx, cy, cz]| sx * sy * sz + sx * cy * cz + cx * sy * cz + cx * cy * sz),

@@ -1,10 +1,10 @@
-//! Made things: checker, stripes, brick, weave, lattices of dots, lamellae.
+//! Artificial patterns: checker, stripes, brick, weave, lattices of dots, lamellae.
 
 use super::{Family, real, smoothstep, tilt, wave};
 use crate::synth::noise::{Cells, floor, hash, lerp, unit};
 
-/// How an amount of noise is asked for.
-const NOISE: super::Parameter = real("noise", [0.0, 1.0], [0.05, 0.2], "strength of the noise");
+/// The strength of the noise over a pattern.
+const NOISE: super::FamilyParameter = real("noise", [0.0, 1.0], [0.05, 0.2], "strength of the noise");
 
 /// Distance to the nearest whole number.
 fn from_whole(v: f32) -> f32 {
@@ -14,7 +14,7 @@ fn from_whole(v: f32) -> f32 {
 
 pub(super) static CHECKER: Family = Family {
     name: "checker",
-    about: "Checker: cubes, black and white by turns, with noise.",
+    about: "Checker: cubes, alternately black and white, with noise.",
     tiles: false,
     parameters: &[real("side", [2.0, 256.0], [5.0, 11.0], "side of a cube, in voxels"), NOISE, tilt([0.0, 20.0])],
     paint: |mut brush| {
@@ -32,7 +32,7 @@ pub(super) static CHECKER: Family = Family {
 
 pub(super) static STRIPES: Family = Family {
     name: "stripes",
-    about: "Stripes: straight sheets, dark and light by turns, with noise.",
+    about: "Stripes: straight sheets, alternately dark and light, with noise.",
     tiles: false,
     parameters: &[
         real("spacing", [2.0, 256.0], [6.0, 14.0], "distance between sheets, in voxels"),
@@ -52,7 +52,7 @@ pub(super) static STRIPES: Family = Family {
 
 pub(super) static BRICK: Family = Family {
     name: "brick",
-    about: "Brick: blocks of several greys laid in bond, pale mortar between.",
+    about: "Brick: blocks of several greys laid in bond, with pale mortar.",
     tiles: false,
     parameters: &[
         real("length", [6.0, 256.0], [14.0, 24.0], "length of a brick, in voxels; half as wide, a third as high"),
@@ -96,7 +96,7 @@ pub(super) static WEAVE: Family = Family {
         let frame = brush.frame(tilt);
         let threads = brush.positions(&frame, |p| {
             let [x, y, z] = p.map(|v| v / spacing);
-            // Warp runs along x, weft along y; each rides up and down by turns, the other way round.
+            // Warp runs along x, weft along y; each goes up and down alternately, in opposite phase.
             let warp = strand(x, y, z, 0.0).min(strand(y, x, z, 1.0));
             1.0 - smoothstep(0.0, thread, warp)
         });
@@ -115,12 +115,12 @@ fn strand(along: f32, across: f32, height: f32, phase: f32) -> f32 {
 
 pub(super) static DOTS: Family = Family {
     name: "dots",
-    about: "Dots: equal balls on a lattice, a little out of place.",
+    about: "Dots: equal balls on a lattice, slightly displaced.",
     tiles: false,
     parameters: &[
         real("spacing", [3.0, 256.0], [7.0, 13.0], "distance between balls, in voxels"),
         real("radius", [0.05, 0.7], [0.25, 0.38], "radius of a ball, in spacings"),
-        real("jitter", [0.0, 1.0], [0.0, 0.2], "how far balls are out of place, in spacings"),
+        real("jitter", [0.0, 1.0], [0.0, 0.2], "displacement of the balls, in spacings"),
         tilt([0.0, 180.0]),
     ],
     paint: |mut brush| {
@@ -137,7 +137,7 @@ pub(super) static DOTS: Family = Family {
 
 pub(super) static LAMELLAE: Family = Family {
     name: "lamellae",
-    about: "Lamellae: grains of thin parallel plates, each grain with a direction of its own, like pearlite.",
+    about: "Lamellae: grains of thin parallel plates, each grain with its own direction, like pearlite.",
     tiles: false,
     parameters: &[
         real("grain", [4.0, 256.0], [20.0, 34.0], "size of a grain, in voxels"),

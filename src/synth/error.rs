@@ -1,22 +1,22 @@
-//! What can be wrong with a recipe.
+//! Errors of recipes.
 
-use super::{Limits, Range};
+use super::{ParameterLimits, ParameterRange};
 
-/// Why a text is no recipe. The sentence says where, what was found, what was expected and what to do.
+/// Why a recipe is invalid. The message says where, what was found and what was expected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecipeError {
-    /// The text is not TOML, or not of the form of a recipe.
+    /// The text is not TOML, or lacks the structure of a recipe.
     #[error("line {line} of the recipe: {message}")]
-    Form {
-        /// The line, from 1.
+    Syntax {
+        /// The line, counted from 1.
         line: usize,
-        /// What the parser says.
+        /// The parser's message.
         message: String,
     },
-    /// A group names a family that is not known.
-    #[error("group {group:?} asks for the family {family:?}, which is not known; known: {known}")]
-    Family {
+    /// A group names an unknown family.
+    #[error("group {group:?} names the unknown family {family:?}; known: {known}")]
+    UnknownFamily {
         /// The group.
         group: String,
         /// The family that was found.
@@ -26,7 +26,7 @@ pub enum RecipeError {
     },
     /// A group sets a parameter that its family lacks.
     #[error("group {group:?} sets {parameter:?}, but the family {family:?} has no such parameter; it has: {known}")]
-    Parameter {
+    UnknownParameter {
         /// The group.
         group: String,
         /// Its family.
@@ -36,21 +36,21 @@ pub enum RecipeError {
         /// The family's parameters, separated by commas.
         known: String,
     },
-    /// A range is empty, not finite, or goes beyond the limits.
-    #[error("{place} sets {what} to {found}, but it must lie within {limits}, lower end first")]
-    Range {
+    /// A range is reversed, not finite, or outside its limits.
+    #[error("{place} sets {what} to {found}; expected {limits}, lower end first")]
+    InvalidRange {
         /// `group "..."` or `the recipe`.
         place: String,
         /// The parameter or amount.
         what: String,
         /// The range that was found.
-        found: Range,
+        found: ParameterRange,
         /// The limits.
-        limits: Limits,
+        limits: ParameterLimits,
     },
-    /// A family that cannot tile is asked to.
-    #[error("group {group:?} asks the family {family:?} to tile, but it cannot; these can: {known}")]
-    Tile {
+    /// A group asks for tiling, but its family cannot tile.
+    #[error("group {group:?} asks for tiling, but the family {family:?} cannot tile; families that can: {known}")]
+    CannotTile {
         /// The group.
         group: String,
         /// Its family.
@@ -60,43 +60,43 @@ pub enum RecipeError {
     },
     /// A side is too short or too long, or there are too many voxels.
     #[error(
-        "{place} asks for textures of {} x {} x {} voxels (Z, Y, X), but sides are 3 to {longest} and all voxels at most {voxels}",
+        "{place} asks for textures of {} x {} x {} voxels (Z, Y, X); expected sides of 3 to {longest} and at most {voxels} voxels",
         shape[0], shape[1], shape[2]
     )]
-    Size {
+    InvalidSize {
         /// `group "..."` or `the recipe`.
         place: String,
         /// The shape that was found.
         shape: [f64; 3],
         /// The longest side.
         longest: u64,
-        /// The most voxels.
+        /// The most voxels of a texture.
         voxels: u64,
     },
-    /// The recipe asks for no texture, or for too many.
-    #[error("the recipe asks for {found} textures, but 1 to {limit} can be had")]
-    Count {
-        /// How many were asked for.
+    /// The recipe has no textures, or too many.
+    #[error("the recipe has {found} textures; expected 1 to {limit}")]
+    TextureCount {
+        /// The number found.
         found: u128,
         /// The most.
         limit: u64,
     },
-    /// A recipe's or group's name cannot be part of a file name.
-    #[error("{name:?} is no name: use 1 to 64 of the letters a-z, digits, - and _")]
-    Name {
+    /// The name of a recipe or group cannot be part of a file name.
+    #[error("invalid name {name:?}: expected 1 to 64 of the characters a-z, 0-9, - and _")]
+    InvalidName {
         /// The name that was found.
         name: String,
     },
     /// Two groups have the same name.
-    #[error("two groups are named {name:?}: give each a name of its own, since names seed the draws")]
-    Twice {
+    #[error("two groups are named {name:?}; names must differ, because they seed the random numbers")]
+    DuplicateName {
         /// The name.
         name: String,
     },
     /// There is no built-in recipe of this name.
     #[error("there is no built-in recipe {name:?}; there are: {known}")]
-    Builtin {
-        /// The name that was asked for.
+    UnknownBuiltin {
+        /// The name.
         name: String,
         /// All names, separated by commas.
         known: String,
