@@ -1,13 +1,13 @@
-//! The speed of the exact sums: every kernel, on one thread and on all, against the bound of this machine.
+//! The speed of the exact sums: every kernel, on one thread and on all, compared with the limit of this machine.
 //!
-//! ```text
-//! cargo bench --bench extract                 # the table, then criterion's own measurements
+//! ```sh
+//! cargo bench --bench extract                 # the table, then the measurements of criterion
 //! cargo bench --bench extract -- --table      # the table only
 //! ```
 //!
-//! The bound is 237 multiply-adds per window (the masks of three cells), at the rate at which the machine multiplies and
-//! adds words in registers, measured in the same run. Sums are compared with the scalar reference first. Times in the
-//! table are the best of many calls, so that load on the machine affects them little.
+//! The limit is 237 multiply-adds (one per mask of three cells) per window, at the rate at which this machine multiplies and
+//! adds words in registers, measured in the same run. Results are compared with the scalar reference first. The times of the
+//! table are the best of many calls, so that other load on the machine matters little.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
 
@@ -20,7 +20,7 @@ use hlacdb::hlac::{Voxels, extract, extract_parallel, extract_sampled};
 use hlacdb::volume::Volume;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
-/// The masks of three cells: one multiply-add to a window each.
+/// The number of masks of three cells, which need one multiply-add per window each.
 const PRODUCTS: f64 = 237.0;
 
 fn main() {
@@ -53,7 +53,7 @@ fn voxels(volume: &Volume) -> Voxels<'_> {
     Voxels::new(volume.voxels(), volume.shape()).unwrap()
 }
 
-/// Every kernel gives the bits of the reference, or nothing is measured.
+/// Every kernel must give the same sums as the reference before anything is measured.
 fn check() {
     let volume = noise(40);
     let expected = Kernel::Scalar.octants(voxels(&volume));
@@ -64,7 +64,7 @@ fn check() {
     println!("answers: every kernel equals the scalar reference");
 }
 
-/// The best of calls for about `span`, in seconds; at least three calls.
+/// The shortest time of a call in seconds, of at least three calls over about `span`.
 fn best<T>(span: Duration, mut call: impl FnMut() -> T) -> f64 {
     let (start, mut best, mut calls) = (Instant::now(), f64::MAX, 0);
     while calls < 3 || start.elapsed() < span {
@@ -77,20 +77,20 @@ fn best<T>(span: Duration, mut call: impl FnMut() -> T) -> f64 {
 }
 
 fn table(volumes: &[Volume]) {
-    let (name, rate) = bound();
+    let (name, rate) = limit();
     println!(
-        "bound: {:.1} G multiply-adds/s ({name} in registers, one core); active: {}",
+        "limit: {:.1} G multiply-adds/s ({name} in registers, one core); active: {}",
         rate / 1e9,
         kernels::active()
     );
     println!(
         "{:>6} {:<20} {:>10} {:>10} {:>12} {:>8} {:>8}",
-        "side", "kernel", "ms", "Mvoxel/s", "Gmul-add/s", "x scalar", "% bound"
+        "side", "kernel", "ms", "Mvoxel/s", "Gmul-add/s", "x scalar", "% limit"
     );
     for volume in volumes {
         let side = volume.shape()[0];
         let windows = (side - 2).pow(3) as f64;
-        // The reference takes as long for every voxel: its time on 64^3 stands for the larger volumes.
+        // The reference takes the same time for every window, so its time for 64^3 is scaled to larger volumes.
         let scalar = best(Duration::ZERO, || Kernel::Scalar.octants(voxels(&volumes[0]))) * windows / 62_f64.powi(3);
         let row = |name: &str, seconds: f64, cores: f64| {
             let products = PRODUCTS * windows / seconds;
@@ -119,7 +119,7 @@ fn table(volumes: &[Volume]) {
     sampled(&volumes[0]);
 }
 
-/// Many volumes, one to a core, against the same volumes one after the other.
+/// Many volumes in parallel, one per core, compared with the same volumes one after another.
 fn many(volume: &Volume) {
     let volumes = vec![volume.clone(); 64];
     let span = Duration::from_millis(1500);
@@ -143,7 +143,7 @@ fn binary(volume: &Volume) {
     println!("64^3 of 0 and 255: {:.3} ms by bits, {:.1} times the kernel", bits * 1e3, dense / bits);
 }
 
-/// From how many random windows on the exact sums of all windows are cheaper.
+/// The number of random windows that cost as much as the exact sums of all windows.
 fn sampled(volume: &Volume) {
     let exact = best(Duration::from_millis(500), || extract(voxels(volume)));
     let window = best(Duration::from_millis(500), || extract_sampled(voxels(volume), 10_000, 1).unwrap()) / 10_000.0;
@@ -155,12 +155,12 @@ fn sampled(volume: &Volume) {
     );
 }
 
-/// The name and the rate (words a second) of the machine's best multiply-add of words.
-fn bound() -> (&'static str, f64) {
+/// The name and the rate (words per second) of the machine's fastest multiply-add of words.
+fn limit() -> (&'static str, f64) {
     #[cfg(target_arch = "x86_64")]
     {
         if is_x86_feature_detected!("avx512vnni") && is_x86_feature_detected!("avx512f") {
-            // SAFETY: the CPU was just found to have the instructions.
+            // SAFETY: the CPU has these instructions, as was checked just before.
             return ("vpdpwssd", rate(32.0, |rounds| unsafe { registers::vnni(rounds) }));
         }
         if is_x86_feature_detected!("avx2") {
@@ -171,7 +171,7 @@ fn bound() -> (&'static str, f64) {
     ("scalar multiply-add", rate(1.0, scalar_rounds))
 }
 
-/// Words a second of `call(rounds)`, which runs 20 instructions of `words` words a round.
+/// Words per second of `call(rounds)`, which runs 20 instructions of `words` words per round.
 fn rate(words: f64, call: impl Fn(u64)) -> f64 {
     const ROUNDS: u64 = 20_000;
     20.0 * words * ROUNDS as f64 / best(Duration::from_millis(300), || call(ROUNDS))
@@ -198,7 +198,7 @@ mod registers {
             /// The CPU must have the instructions.
             #[target_feature(enable = $features)]
             pub(crate) unsafe fn $name(rounds: u64) {
-                // SAFETY: registers only, and all of them are given as clobbered.
+                // SAFETY: only registers are used, and all of them are declared as clobbered.
                 unsafe {
                     asm!(
                         "2:", $($line,)+ "dec {rounds}", "jnz 2b",

@@ -1,11 +1,17 @@
-//! Queries to an index in memory, and builds of trees: `cargo bench --bench query`.
+//! Queries on a warm index, and index builds.
 //!
-//! For 600 to a million points of 32 coordinates it first prints the median and the 95th percentile of a thousand queries,
-//! by scan and by tree in one run, after checking that both give the same bits. Queries are not rows of the index. Then
-//! criterion measures the same, to compare versions (`cargo bench --bench query -- index/100000` for a part), and whole
-//! queries to a database of 600 textures, with names and tags from the store (`-- database`).
+//! ```sh
+//! cargo bench --bench query                        # everything
+//! cargo bench --bench query -- index/100000        # one size
+//! cargo bench --bench query -- database            # whole queries to a database
+//! ```
+//!
+//! For 600 to a million points of 32 coordinates, prints the median and the 95th percentile over a thousand query points that
+//! are not rows, for the linear scan and the k-d tree, after checking that both give the same bits. Then criterion measures
+//! the same for comparison between versions, and whole queries to a database of 600 textures, whose names and tags are read
+//! from the store.
 
-// A bench that cannot set up its input should stop.
+// A benchmark without its input cannot continue.
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
 
 #[path = "support/points.rs"]
@@ -111,7 +117,7 @@ fn database_benches(criterion: &mut Criterion) {
         black_box(ask(1 + at % 600));
         start.elapsed()
     });
-    println!("     600  30 names and tags included {}", figures(times.collect()));
+    println!("     600  30 with names and tags {}", figures(times.collect()));
     let mut group = criterion.benchmark_group("database");
     let mut ids = (1..=600).cycle();
     group.bench_function("top 30 of 600", |bench| {

@@ -1,5 +1,10 @@
-//! Describing a texture in all views, adding it to statistics, fitting a space, and mapping to points: `cargo bench --bench
-//! space`. Each bench checks its result once before it is timed.
+//! The cost of describing a texture in all views, adding it to statistics, fitting a space, and mapping to points.
+//!
+//! ```sh
+//! cargo bench --bench space
+//! ```
+//!
+//! Each benchmark checks its result once before it is timed.
 
 use std::hint::black_box;
 
@@ -9,7 +14,7 @@ use hlacdb::space::{Contribution, Definition, Descriptor, FeatureSet, Prior, Spa
 use hlacdb::synth;
 use hlacdb::volume::Volume;
 
-/// A cloudy texture of 64^3 voxels.
+/// A texture of 64^3 voxels.
 fn texture() -> Volume {
     let recipe = "name = \"bench\"\nseed = 3\nsize = 64\n[[group]]\nfamily = \"fbm\"\ncount = 1\n";
     let specimens = synth::Recipe::parse(recipe).map(|recipe| recipe.specimens()).unwrap_or_default();
@@ -20,7 +25,7 @@ fn described() -> Vec<(View, OctantSums)> {
     hlacdb::describe(&texture(), &View::STANDARD)
 }
 
-fn describing(criterion: &mut Criterion) {
+fn describe(criterion: &mut Criterion) {
     let volume = texture();
     assert_eq!(described()[0].1, hlacdb::octant_sums(&volume));
     let mut group = criterion.benchmark_group(format!("describe 64^3, {}", kernels::active()));
@@ -36,7 +41,7 @@ fn describing(criterion: &mut Criterion) {
     group.finish();
 }
 
-fn counting(criterion: &mut Criterion) {
+fn count(criterion: &mut Criterion) {
     let described = described();
     for feature_set in [FeatureSet::plain(), FeatureSet::oriented(), FeatureSet::pooled()] {
         let contribution = Contribution::from_sums(&feature_set, &described).ok().flatten();
@@ -55,7 +60,7 @@ fn counting(criterion: &mut Criterion) {
     }
 }
 
-fn fitting(criterion: &mut Criterion) {
+fn fit(criterion: &mut Criterion) {
     let described = described();
     let mut group = criterion.benchmark_group("fit");
     group.sample_size(20);
@@ -73,7 +78,7 @@ fn fitting(criterion: &mut Criterion) {
     group.finish();
 }
 
-fn mapping(criterion: &mut Criterion) {
+fn map(criterion: &mut Criterion) {
     const ROWS: usize = 1000;
     let described = described();
     let Ok(descriptor) = Descriptor::from_sums(&described) else { return };
@@ -89,5 +94,5 @@ fn mapping(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, describing, counting, fitting, mapping);
+criterion_group!(benches, describe, count, fit, map);
 criterion_main!(benches);

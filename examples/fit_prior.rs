@@ -1,7 +1,11 @@
-//! Makes the shipped prior anew: `cargo run --release --example fit_prior [RECIPE.toml [OUT.bin]]`.
+//! Fits the prior that is shipped with the program:
 //!
-//! Takes the textures of `datasets/prior.toml` as they are, and two copies of each under all nuisances (seeds 2 i and
-//! 2 i + 1 for texture i), and writes `src/space/prior.bin`. The same recipe gives the same bytes on every machine.
+//! ```sh
+//! cargo run --release --example fit_prior [RECIPE.toml [OUT.bin]]
+//! ```
+//!
+//! Uses the textures of `datasets/prior.toml` and two copies of each under all nuisances (seeds 2 i and 2 i + 1 for texture i),
+//! and writes `src/space/prior.bin`. The same recipe gives the same bytes on every machine.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -10,6 +14,7 @@ use hlacdb::space::prior::Observations;
 use hlacdb::synth::{Nuisance, Recipe};
 use rayon::prelude::*;
 
+/// Copies of each texture under nuisances.
 const COPIES: u64 = 2;
 
 fn main() -> Result<(), Box<dyn Error>> {

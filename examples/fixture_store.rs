@@ -1,17 +1,19 @@
-//! Makes the store that is kept under `tests/fixtures/stores/` for each released version of the format:
+//! Creates the fixture store of a released format version:
 //!
-//!     cargo run --example fixture_store -- tests/fixtures/stores/v1.hlacdb.zst
+//! ```sh
+//! cargo run --example fixture_store -- tests/fixtures/stores/v1.hlacdb.zst
+//! ```
 //!
-//! Run it with the release whose stores it is to stand for; it refuses to write another version's.
+//! Run it in the source code of the release that introduced the version; it refuses to write another version.
 
 use hlacdb::store::FORMAT_VERSION;
 use hlacdb::volume::Volume;
 use hlacdb::{Database, Meta, ReindexOptions};
 
-/// The version that this program was written for.
+/// The format version of the fixture.
 const VERSION: u32 = 1;
 
-/// Stripes and checks, small, each different.
+/// A small texture of stripes and checks, different for every `n`.
 fn texture(n: usize) -> Volume {
     let (side, step) = (9 + n % 3, 2 + n);
     let voxels = (0..side * side * side).map(|i| {
@@ -19,11 +21,11 @@ fn texture(n: usize) -> Volume {
         ((z * step + y * 3 + x * (n % 4 + 1)) * 17 % 251) as u8
     });
     #[allow(clippy::expect_used)]
-    Volume::new([side; 3], 1, voxels.collect()).expect("a small volume is one")
+    Volume::new([side; 3], 1, voxels.collect()).expect("the shape is valid")
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let target = std::env::args().nth(1).ok_or("name the file to write")?;
+    let target = std::env::args().nth(1).ok_or("give the file to write")?;
     if FORMAT_VERSION != VERSION {
         return Err(format!("this makes stores of version {VERSION}, the library writes {FORMAT_VERSION}").into());
     }

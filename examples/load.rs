@@ -1,9 +1,12 @@
-//! Many clients asking one server at once, beside an ingest: how long they wait.
+//! Latencies of many clients that query one server, while another client adds textures:
 //!
-//! `cargo run --release --example load [CLIENTS] [SECONDS] [ingest|alone]` makes the paper's 600 textures, serves them on a free
-//! port of this machine, lets every client (64 unless said) ask for the 30 most alike of one texture after the other for
-//! so long (10 seconds), while another client sends new textures, and prints what the clients saw. Clients, server and
-//! ingest share the machine.
+//! ```sh
+//! cargo run --release --example load [CLIENTS] [SECONDS] [ingest|alone]
+//! ```
+//!
+//! Generates the paper's 600 textures and serves them on a free local port. Every client (64 by default) queries for the 30
+//! nearest neighbours of one texture after another for so many seconds (10 by default), while another client uploads new
+//! textures (not with `alone`). Prints the latencies that the clients observed. Clients, server and ingest share the machine.
 
 use std::error::Error;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -30,71 +33,82 @@ fn main() -> Outcome<()> {
     let (address, stopper) = (server.address(), server.stopper());
     let running = std::thread::spawn(move || server.run());
 
-    let (over, added) = (AtomicBool::new(false), AtomicU64::new(0));
-    let waits = std::thread::scope(|scope| {
-        let asking: Vec<_> = (0..clients)
+    let (done, added) = (AtomicBool::new(false), AtomicU64::new(0));
+    let latencies = std::thread::scope(|scope| {
+        let querying: Vec<_> = (0..clients)
             .map(|client| {
                 scope.spawn({
-                    let over = &over;
-                    move || ask(address, client, over)
+                    let done = &done;
+                    move || query(address, client, done)
                 })
             })
             .collect();
-        let sending = (!alone).then(|| scope.spawn(|| send(address, &over, &added)));
+        let uploading = (!alone).then(|| scope.spawn(|| upload(address, &done, &added)));
         std::thread::sleep(Duration::from_secs(seconds));
-        over.store(true, Ordering::Relaxed);
-        let waits: Vec<Outcome<Vec<Duration>>> =
-            asking.into_iter().map(|client| client.join().unwrap_or_else(|_| Err("a client died".into()))).collect();
-        if let Some(sending) = sending {
-            sending.join().unwrap_or_else(|_| Err("the ingest died".into()))?;
+        done.store(true, Ordering::Relaxed);
+        let latencies: Vec<Outcome<Vec<Duration>>> = querying
+            .into_iter()
+            .map(|client| client.join().unwrap_or_else(|_| Err("a client panicked".into())))
+            .collect();
+        if let Some(uploading) = uploading {
+            uploading.join().unwrap_or_else(|_| Err("the ingest panicked".into()))?;
         }
-        Ok::<_, Box<dyn Error + Send + Sync>>(waits)
+        Ok::<_, Box<dyn Error + Send + Sync>>(latencies)
     })?;
     stopper.stop();
-    running.join().map_err(|_| "the server died")??;
+    running.join().map_err(|_| "the server panicked")??;
 
-    let errors = waits.iter().filter(|client| client.is_err()).count();
-    for error in waits.iter().filter_map(|client| client.as_ref().err()).take(3) {
+    let errors = latencies.iter().filter(|client| client.is_err()).count();
+    for error in latencies.iter().filter_map(|client| client.as_ref().err()).take(3) {
         println!("error: {error}");
     }
-    let mut waits: Vec<Duration> = waits.into_iter().flatten().flatten().collect();
-    waits.sort_unstable();
-    let share = |of: f64| {
-        waits.get(((waits.len() as f64 * of) as usize).min(waits.len().saturating_sub(1))).copied().unwrap_or_default()
+    let mut latencies: Vec<Duration> = latencies.into_iter().flatten().flatten().collect();
+    latencies.sort_unstable();
+    let quantile = |fraction: f64| {
+        latencies
+            .get(((latencies.len() as f64 * fraction) as usize).min(latencies.len().saturating_sub(1)))
+            .copied()
+            .unwrap_or_default()
     };
     println!(
-        "{clients} clients, {seconds} s: {} answers ({:.0} a second), {errors} errors",
-        waits.len(),
-        waits.len() as f64 / seconds as f64
+        "{clients} clients, {seconds} s: {} answers ({:.0} per second), {errors} errors",
+        latencies.len(),
+        latencies.len() as f64 / seconds as f64
     );
-    println!("p50 {:?}, p95 {:?}, p99 {:?}, longest {:?}", share(0.5), share(0.95), share(0.99), share(1.0));
-    println!("{} textures of 64^3 added meanwhile", added.load(Ordering::Relaxed));
+    println!(
+        "p50 {:?}, p95 {:?}, p99 {:?}, longest {:?}",
+        quantile(0.5),
+        quantile(0.95),
+        quantile(0.99),
+        quantile(1.0)
+    );
+    println!("{} textures of 64^3 added in the meantime", added.load(Ordering::Relaxed));
     Ok(())
 }
 
-/// Asks until it is over; how long each answer took.
-fn ask(address: SocketAddr, client: u64, over: &AtomicBool) -> Outcome<Vec<Duration>> {
+/// Queries until `done`; returns the time of each answer.
+fn query(address: SocketAddr, client: u64, done: &AtomicBool) -> Outcome<Vec<Duration>> {
     let mut connection = BufReader::new(TcpStream::connect(address)?);
     connection.get_ref().set_nodelay(true)?;
-    let mut waits = Vec::new();
-    for turn in 0.. {
-        if over.load(Ordering::Relaxed) {
+    let mut latencies = Vec::new();
+    for round in 0.. {
+        if done.load(Ordering::Relaxed) {
             break;
         }
-        let body = format!("{{\"ids\":[{}],\"k\":30}}", 1 + (client * 37 + turn * 11) % 600);
-        let began = Instant::now();
+        let body = format!("{{\"ids\":[{}],\"k\":30}}", 1 + (client * 37 + round * 11) % 600);
+        let start = Instant::now();
         exchange(&mut connection, "/api/v1/query", "application/json", body.as_bytes())?;
-        waits.push(began.elapsed());
+        latencies.push(start.elapsed());
     }
-    Ok(waits)
+    Ok(latencies)
 }
 
-/// Sends new textures, eight at a time, until it is over.
-fn send(address: SocketAddr, over: &AtomicBool, added: &AtomicU64) -> Outcome<()> {
+/// Uploads new textures, eight at a time, until `done`.
+fn upload(address: SocketAddr, done: &AtomicBool, added: &AtomicU64) -> Outcome<()> {
     let mut connection = BufReader::new(TcpStream::connect(address)?);
     let folder = tempfile::tempdir()?;
     for batch in 0_u64.. {
-        if over.load(Ordering::Relaxed) {
+        if done.load(Ordering::Relaxed) {
             break;
         }
         let mut body = Vec::new();
@@ -120,7 +134,7 @@ fn send(address: SocketAddr, over: &AtomicBool, added: &AtomicU64) -> Outcome<()
     Ok(())
 }
 
-/// One request and its answer, on a connection that stays open.
+/// Sends one request and reads its answer; the connection stays open.
 fn exchange(connection: &mut BufReader<TcpStream>, path: &str, kind: &str, body: &[u8]) -> Outcome<Vec<u8>> {
     let head = format!(
         "POST {path} HTTP/1.1\r\nHost: localhost\r\nContent-Type: {kind}\r\nContent-Length: {}\r\n\r\n",

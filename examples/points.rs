@@ -1,10 +1,13 @@
-//! Moments and the points made of them, for `benches/peers/points.py` to check: `cargo run --release --example points
-//! DIR`.
+//! Writes moments and the points computed from them, which `benches/peers/points.py` checks:
 //!
-//! Writes moments.npy (textures, views, 251), octants.npy (textures, 8, views, 251), copies.npy (as moments.npy, one
-//! copy of each texture under all nuisances), all f32 and of the seven views of the default space; and the points of
-//! the default space (textures, 32) fitted on the textures and copies alone (points_own.npy), on the shipped prior
-//! alone (points_prior.npy), and on textures and prior (points_both.npy).
+//! ```sh
+//! cargo run --release --example points -- DIR
+//! ```
+//!
+//! Input, f32, of the seven views of the default space: moments.npy (textures, views, 251), octants.npy (textures, 8, views,
+//! 251), and copies.npy (like moments.npy, of one copy of each texture under all nuisances). Output, the points of the
+//! default space (textures, 32): points_own.npy, fitted on the textures and copies alone; points_prior.npy, fitted on the
+//! shipped prior alone; and points_both.npy, fitted on textures and prior.
 
 use std::error::Error;
 use std::path::Path;
@@ -21,13 +24,13 @@ type Described = Vec<(View, OctantSums)>;
 const RECIPE: &str = "name = \"points\"\nseed = 99\nsize = 40\n";
 
 fn main() -> Result<(), Failure> {
-    let folder = std::env::args_os().nth(1).ok_or("say where: cargo run --release --example points DIR")?;
+    let folder = std::env::args_os().nth(1).ok_or("give a folder: cargo run --release --example points -- DIR")?;
     let folder = Path::new(&folder);
     std::fs::create_dir_all(folder)?;
     let groups: Vec<String> =
         FAMILIES.iter().map(|family| format!("[[group]]\nfamily = \"{}\"\ncount = 8\n", family.name)).collect();
     let specimens = Recipe::parse(&format!("{RECIPE}{}", groups.concat()))?.specimens();
-    let definition = Definition::built_in("default").ok_or("no default space")?;
+    let definition = Definition::built_in("default").ok_or("there is no default space")?;
     let views = definition.feature_set.views();
     let described: Vec<(Described, Described)> = specimens
         .par_iter()
@@ -47,7 +50,7 @@ fn main() -> Result<(), Failure> {
         statistics.add(&texture)?;
         nuisance.add(&texture, &copy)?;
     }
-    let nothing = Statistics::new(&definition.feature_set);
+    let empty = Statistics::new(&definition.feature_set);
     let points = |space: Space| -> Result<Vec<f32>, Failure> {
         let descriptors = described.iter().map(|(texture, _)| Descriptor::from_sums(texture));
         Ok(space.points(&descriptors.collect::<Result<Vec<_>, _>>()?))
@@ -56,7 +59,7 @@ fn main() -> Result<(), Failure> {
     let prior = Prior::shipped();
     for (name, space) in [
         ("own", Space::fit(&definition, &statistics, Some(&nuisance), &Prior::none())?),
-        ("prior", Space::fit(&definition, &nothing, None, &prior)?),
+        ("prior", Space::fit(&definition, &empty, None, &prior)?),
         ("both", Space::fit(&definition, &statistics, None, &prior)?),
     ] {
         let dims = space.dims();

@@ -1,11 +1,17 @@
-//! How well the spaces retrieve: `cargo run --release --example quality [RECIPE LABEL]...`.
+//! Retrieval quality of the spaces:
 //!
-//! For each recipe (a built-in name or a TOML file; `families` and `wide` by `family` and `paper600` by `class` where none is
-//! named) every texture asks for all others, clean and under all nuisances. What is fitted never saw the families of
-//! the query's label: the prior is made of the other families of `datasets/prior.toml`, and the store's own statistics
-//! of the textures of other labels (except where there are two labels only). Printed, by space and by what it was
-//! fitted on (the prior alone, own statistics alone, or both, for each prior weight in `$WEIGHTS`): mean average
-//! precision, precision at 1 and at 30.
+//! ```sh
+//! cargo run --release --example quality [RECIPE LABEL]...
+//! ```
+//!
+//! For each recipe (a built-in name or a TOML file; by default `families` and `wide` by `family`, and `paper600` by `class`)
+//! every texture is a query against all others, clean and under all nuisances. Spaces are fitted without the families of the
+//! query's label: the prior on the other families of `datasets/prior.toml`, and the store's own statistics on textures of
+//! other labels (unless there are only two labels). Prints mean average precision and precision at 1 and 30 for each space
+//! and for what it was fitted on: the prior alone, own statistics alone, or both.
+//!
+//! Environment: `SPACES` (names separated by commas), `WEIGHTS` (of the prior, separated by commas), `CLASSES` (if set, the
+//! labels with the lowest precision are listed).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
@@ -18,7 +24,7 @@ use rayon::prelude::*;
 
 type Failure = Box<dyn Error + Send + Sync>;
 
-/// Copies of each texture of the prior under nuisances, as in the shipped one.
+/// Copies of each texture of the prior under nuisances, as in the shipped prior.
 const COPIES: u64 = 2;
 
 /// A described texture.
@@ -53,10 +59,10 @@ fn main() -> Result<(), Failure> {
         println!("\n{name}: {} textures, {} labels; mAP / P@1 / P@30", clean.len(), labels.len());
         println!("| space | fitted on | clean | all nuisances | nuisance query, clean store |");
         println!("|---|---|---|---|---|");
-        let asked = std::env::var("SPACES").ok();
-        let wanted = |name: &str| asked.as_ref().is_none_or(|list| list.split(',').any(|one| one == name));
+        let selected = std::env::var("SPACES").ok();
+        let wanted = |name: &str| selected.as_ref().is_none_or(|list| list.split(',').any(|one| one == name));
         for name in Definition::BUILT_IN.into_iter().filter(|name| wanted(name)) {
-            let definition = Definition::built_in(name).ok_or("no such space")?;
+            let definition = Definition::built_in(name).ok_or("unknown built-in space")?;
             for fit in fits(&definition) {
                 let clean_scores = scores(&definition, &fit, &priors, &clean, &clean)?;
                 let all_scores = scores(&definition, &fit, &priors, &all, &all)?;
@@ -75,9 +81,9 @@ fn main() -> Result<(), Failure> {
 /// What a space is fitted on.
 struct Fit {
     name: String,
-    /// How many textures the prior counts as.
+    /// The number of textures that the prior counts as.
     weight: f64,
-    /// Whether the store's own statistics are looked at.
+    /// Whether the store's own statistics are used.
     own: bool,
 }
 
@@ -94,7 +100,7 @@ fn fits(definition: &Definition) -> Vec<Fit> {
     [fit("prior", 1.0, false), fit("own, nuisances of the prior", 1e-6, true)].into_iter().chain(both).collect()
 }
 
-/// What the textures of the prior's recipe give, by family.
+/// The observations of the prior's recipe, by family.
 fn observed() -> Result<BTreeMap<String, Observations>, Failure> {
     let specimens = Recipe::builtin("prior")?.specimens();
     let mut families: BTreeMap<&str, Vec<(u64, &Specimen)>> = BTreeMap::new();
@@ -113,7 +119,7 @@ fn observed() -> Result<BTreeMap<String, Observations>, Failure> {
     families.into_par_iter().map(observe).collect()
 }
 
-/// The prior of the families that no texture of this label is of.
+/// The prior without the families of a label.
 fn prior_without(
     label: &str,
     textures: &[Texture],
@@ -162,7 +168,7 @@ impl std::fmt::Display for Scores {
     }
 }
 
-/// Each query asks for the textures of the store; its own number among them is left out.
+/// Scores queries against a store. Query n is not compared with texture n of the store.
 fn scores(
     definition: &Definition,
     fit: &Fit,
@@ -183,19 +189,19 @@ fn scores(
         textures.iter().map(|texture| texture.descriptor.features(&definition.feature_set)).collect()
     };
     let (query_features, store_features) = (features(queries), features(store));
-    // The paper's experiment has two classes: to leave one out is to leave half the store out.
+    // The paper's experiment has two classes, so leaving one out would leave out half of the store.
     let labels: BTreeSet<&str> = queries.iter().map(|texture| texture.label.as_str()).collect();
-    let left_out = |label: &str| -> Result<Statistics, Failure> {
+    let statistics_without = |label: &str| -> Result<Statistics, Failure> {
         let mut statistics = if fit.own { whole.clone() } else { Statistics::new(&definition.feature_set) };
         if fit.own && labels.len() > 2 && definition.kind != SpaceKind::ZScore {
-            let gone = store.iter().zip(&stored).filter(|(texture, _)| texture.label == label);
-            gone.map(|(_, contribution)| contribution).try_for_each(|texture| statistics.remove(texture))?;
+            let removed = store.iter().zip(&stored).filter(|(texture, _)| texture.label == label);
+            removed.map(|(_, contribution)| contribution).try_for_each(|texture| statistics.remove(texture))?;
         }
         Ok(statistics)
     };
     let per_label = labels.par_iter().map(|&label| {
         let prior = priors.get(label).cloned().unwrap_or(Prior::none()).with_weight(fit.weight);
-        let space = Space::fit(definition, &left_out(label)?, None, &prior)?;
+        let space = Space::fit(definition, &statistics_without(label)?, None, &prior)?;
         let points = |features: &[Features]| features.iter().map(|f| space.point(f)).collect::<Result<Vec<_>, _>>();
         let (query_points, store_points) = (points(&query_features)?, points(&store_features)?);
         let mut scores = Scores::default();
@@ -225,7 +231,7 @@ fn total(scores: &ByLabel) -> Scores {
     })
 }
 
-/// Prints the dozen labels with the lowest mean average precision under all nuisances.
+/// Prints the 24 labels with the lowest mean average precision under all nuisances.
 fn list_worst(clean: &ByLabel, all: &ByLabel) {
     let map = |scores: &Scores| scores.map / scores.queries;
     let mut labels: Vec<&String> = all.keys().collect();
@@ -236,6 +242,7 @@ fn list_worst(clean: &ByLabel, all: &ByLabel) {
 }
 
 impl Scores {
+    /// Adds a query whose hits are in order of distance; the flag of a hit says whether it is relevant.
     fn count(&mut self, hits: &[(f64, bool)]) {
         let (mut found, mut precisions) = (0.0, 0.0);
         for (rank, (_, relevant)) in hits.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! The program `hlacdb`: parse, log, dispatch, exit code.
+//! The program `hlacdb`: parses the command line, starts logging and threads, runs the command.
 
 mod cli;
 
@@ -26,7 +26,7 @@ fn main() -> ExitCode {
         Err(error) => error.exit(),
     };
     start_log(arguments.verbose, arguments.quiet);
-    tell_damage_only();
+    log_contained_panics();
     tracing::info!(kernel = kernel.name(), store = %arguments.store.display(), "hlacdb {}", env!("CARGO_PKG_VERSION"));
     start_threads();
     let mut context = Context::new(arguments.store.clone(), arguments.json, arguments.quiet);
@@ -34,35 +34,35 @@ fn main() -> ExitCode {
     ExitCode::from(context.finish(result))
 }
 
-/// What the engine stumbles over in a damaged file is told as damage, in one sentence: its own words go to the log.
-fn tell_damage_only() {
-    let usual = std::panic::take_hook();
+/// Sends panics of the storage engine on damaged files to the log. The store reports them as damage.
+fn log_contained_panics() {
+    let default = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| match hlacdb::store::panic_is_contained() {
         true => tracing::debug!("contained: {panic}"),
-        false => usual(panic),
+        false => default(panic),
     }));
 }
 
-/// The environment variable that forces a kernel by its name, in place of the fastest that the CPU runs.
+/// The environment variable that selects a kernel by name, instead of the fastest one that the CPU supports.
 const KERNEL_VARIABLE: &str = "HLACDB_KERNEL";
 
-/// The kernel that [`KERNEL_VARIABLE`] names, or else the fastest.
+/// The kernel that [`KERNEL_VARIABLE`] names, or the fastest one.
 fn select_kernel() -> Result<Kernel, String> {
     let Some(name) = std::env::var_os(KERNEL_VARIABLE) else { return Ok(kernels::active()) };
     let selected = kernels::select(&name.to_string_lossy());
     selected.map_err(|error| format!("{KERNEL_VARIABLE}: {error}: unset the variable or name one of these kernels"))
 }
 
-/// Starts the worker threads; where the system grants none, the main thread does their work.
+/// Starts the worker threads. If the system refuses, the main thread does their work.
 fn start_threads() {
     if let Err(error) = rayon::ThreadPoolBuilder::new().build_global() {
-        tracing::warn!(%error, "no worker threads could be started: going on with one");
-        // Should this fail too, the pool was there already.
+        tracing::warn!(%error, "the worker threads cannot be started: continuing with one thread");
+        // This fails only if a pool exists already.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global();
     }
 }
 
-/// The log goes to stderr; `HLACDB_LOG` (e.g. `hlacdb=debug`) overrides `-v` and `-q`.
+/// Logs to stderr. `HLACDB_LOG` (e.g. `hlacdb=debug`) overrides `-v` and `-q`.
 fn start_log(verbose: u8, quiet: bool) {
     let level = match (quiet, verbose) {
         (true, _) => "error",
@@ -71,6 +71,6 @@ fn start_log(verbose: u8, quiet: bool) {
         (false, _) => "debug",
     };
     let filter = EnvFilter::try_from_env("HLACDB_LOG").unwrap_or_else(|_| EnvFilter::new(format!("hlacdb={level}")));
-    let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colour).init();
+    let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(color).init();
 }

@@ -16,13 +16,13 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-/// Coordinates of a point.
+/// The number of coordinates of a point.
 pub(crate) const DIMS: usize = 32;
 
 /// Rows drawn from one stream of random numbers.
 const PART: usize = 4096;
 
-/// Where points come from.
+/// The origin of the points.
 pub(crate) enum Origin {
     /// Real descriptors, interpolated.
     Moments(Fit),
@@ -49,7 +49,7 @@ impl Origin {
         }
     }
 
-    /// `rows` points, one after another.
+    /// `rows` points, row after row.
     pub(crate) fn points(&self, rows: usize, seed: u64) -> Vec<f32> {
         match self {
             Origin::Moments(fit) if rows * MOMENTS <= fit.roots.len() => fit.map_rows(&fit.roots[..rows * MOMENTS]),
@@ -74,7 +74,7 @@ impl Origin {
 
 /// Real descriptors, and their map to points.
 pub(crate) struct Fit {
-    /// Degree roots, 251 a row.
+    /// Degree roots, 251 per row.
     roots: Vec<f64>,
     mean: DVector<f64>,
     map: DMatrix<f64>,
@@ -97,7 +97,7 @@ impl Fit {
         let deviations = covariance.diagonal().map(|v| v.sqrt().max(1e-12));
         let scaled = DMatrix::from_fn(MOMENTS, MOMENTS, |i, j| covariance[(i, j)] / (deviations[i] * deviations[j]));
         let (values, vectors) = descending(scaled);
-        // Axes of the fit: full weight for the first, a tenth for the last, as between and within textures come out.
+        // The axes of the fit: full weight for the first, a tenth for the last, like those of a fit on real textures.
         let kept = 64;
         let weight = |j: usize| 1.0 / ((j as f64 / kept as f64 + 0.02).sqrt() * values[j].sqrt());
         let map = DMatrix::from_fn(MOMENTS, DIMS, |i, j| vectors[(i, j)] * weight(j) / deviations[i]);
@@ -113,7 +113,7 @@ impl Fit {
         fit
     }
 
-    /// Degree roots to points.
+    /// Maps degree roots to points.
     fn map_rows(&self, roots: &[f64]) -> Vec<f32> {
         let rows = DMatrix::from_row_slice(roots.len() / MOMENTS, MOMENTS, roots);
         let centred = DMatrix::from_fn(rows.nrows(), MOMENTS, |i, j| rows[(i, j)] - self.mean[j]);
@@ -126,7 +126,7 @@ impl Fit {
         (0..points.nrows()).flat_map(|i| (0..DIMS).map(move |j| (i, j))).map(|at| points[at] as f32).collect()
     }
 
-    /// Points between near rows.
+    /// Points between neighbouring rows.
     fn between(&self, rows: usize, rng: &mut ChaCha8Rng) -> Vec<f32> {
         let mut roots = Vec::with_capacity(rows * MOMENTS);
         for _ in 0..rows {
@@ -141,14 +141,14 @@ impl Fit {
     }
 }
 
-/// Mean and covariance of rows.
+/// The mean and the covariance of rows.
 fn scatter(rows: &DMatrix<f64>) -> (DVector<f64>, DMatrix<f64>) {
     let mean = rows.row_mean().transpose();
     let centred = DMatrix::from_fn(rows.nrows(), rows.ncols(), |i, j| rows[(i, j)] - mean[j]);
     (mean, centred.transpose() * &centred / rows.nrows() as f64)
 }
 
-/// Eigenvalues and vectors, greatest first.
+/// Eigenvalues and eigenvectors, greatest first.
 fn descending(matrix: DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
     let eigen = SymmetricEigen::new(matrix);
     let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
@@ -164,7 +164,7 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
     (sum as f64 / 65535.0 - 2.0) * 3f64.sqrt()
 }
 
-/// Points around forty smooth surfaces of eight latent coordinates, of unit norm.
+/// Points of unit norm around forty smooth surfaces of eight latent coordinates.
 fn latent(rows: usize, rng: &mut ChaCha8Rng) -> Vec<f32> {
     const LATENT: usize = 8;
     const FAMILIES: usize = 40;

@@ -1,43 +1,16 @@
-//! The program's commands: one file each, thin callers of the library.
+//! The command line: what it accepts, and how answers and errors are printed.
 //!
-//! Answers go to stdout, everything else (log, progress, errors) to stderr. With `--json` stdout holds one JSON
-//! document per command, and only that. Exit status: 0 all done, 1 something failed, 2 wrong usage.
+//! The commands are thin callers of the library, one file each in `commands/`. Answers go to stdout; the log, progress and
+//! errors go to stderr. With `--json`, stdout holds one JSON document per command and nothing else. Exit status: 0 for
+//! success, 1 where something failed, 2 for wrong usage.
 
 mod arguments;
-mod bars;
+mod commands;
 mod context;
-mod read_arguments;
-mod remedy;
+mod definition;
+mod hints;
+mod progress;
 mod table;
-mod values;
 
-mod backup;
-mod compact;
-mod completions;
-mod dedupe;
-mod demo;
-mod eval;
-mod explain;
-mod export;
-mod extract;
-mod import;
-mod ingest;
-mod list;
-mod masks;
-mod migrate;
-mod query;
-mod reindex;
-mod remove;
-mod repair;
-#[cfg(feature = "serve")]
-mod serve;
-mod sheet;
-mod show;
-mod space;
-mod stats;
-mod synth;
-mod tag;
-mod verify;
-
-pub(crate) use arguments::{Cli, command};
-pub(crate) use context::{Context, Failure, Outcome};
+pub(crate) use context::Context;
+pub(crate) use definition::{Cli, command};

@@ -1,32 +1,32 @@
-//! Plain text for people: columns and sizes.
+//! Plain text output: tables, sizes, times.
 
 use std::io::{self, Write};
 
 /// How a column is aligned.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Align {
+pub(super) enum Align {
     Left,
     Right,
 }
 
-/// Columns with a heading, two spaces apart.
-pub(crate) struct Table {
+/// A table with a heading; columns are two spaces apart.
+pub(super) struct Table {
     columns: Vec<(String, Align)>,
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    pub(crate) fn new<const N: usize>(columns: [(&str, Align); N]) -> Self {
+    pub(super) fn new<const N: usize>(columns: [(&str, Align); N]) -> Self {
         Self { columns: columns.map(|(name, align)| (name.to_owned(), align)).into(), rows: Vec::new() }
     }
 
-    /// Adds one row; a missing cell is empty.
-    pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+    /// Adds a row; missing cells are empty.
+    pub(super) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
         self.rows.push(cells.into_iter().map(|cell| one_line(&cell)).collect());
     }
 
-    /// Writes heading and rows; without trailing blanks, so that a diff of two answers stays clean.
-    pub(crate) fn write(&self, out: &mut impl Write) -> io::Result<()> {
+    /// Writes the heading and the rows, without trailing spaces, so that answers can be compared with diff.
+    pub(super) fn write(&self, out: &mut impl Write) -> io::Result<()> {
         let headings: Vec<String> = self.columns.iter().map(|(name, _)| name.clone()).collect();
         let lines = || std::iter::once(&headings).chain(&self.rows);
         let width = |column: usize| lines().filter_map(|line| line.get(column)).map(|c| c.chars().count()).max();
@@ -45,14 +45,14 @@ impl Table {
     }
 }
 
-/// A text without control characters, which could break a line or set a terminal's colours: they are shown escaped.
-pub(crate) fn one_line(text: &str) -> String {
+/// The text with control characters escaped, which could break the line or change the colours of the terminal.
+pub(super) fn one_line(text: &str) -> String {
     let escaped = |c: char| if c.is_control() { c.escape_default().collect() } else { String::from(c) };
     text.chars().map(escaped).collect()
 }
 
-/// A number of bytes as people write it: `512 B`, `1.4 MiB`.
-pub(crate) fn bytes(count: u64) -> String {
+/// A human-readable number of bytes: `512 B`, `1.4 MiB`.
+pub(super) fn bytes(count: u64) -> String {
     let mut value = count as f64;
     let mut unit = "B";
     for larger in ["KiB", "MiB", "GiB", "TiB"] {
@@ -65,8 +65,8 @@ pub(crate) fn bytes(count: u64) -> String {
     if unit == "B" { format!("{count} B") } else { format!("{value:.1} {unit}") }
 }
 
-/// A time as people write it: `850 us`, `12.3 ms`, `4.5 s`.
-pub(crate) fn duration(time: std::time::Duration) -> String {
+/// A human-readable time: `850 us`, `12.3 ms`, `4.5 s`.
+pub(super) fn duration(time: std::time::Duration) -> String {
     let micros = time.as_micros();
     match micros {
         0..1_000 => format!("{micros} us"),
@@ -76,17 +76,17 @@ pub(crate) fn duration(time: std::time::Duration) -> String {
 }
 
 /// `1 texture`, `2 textures`.
-pub(crate) fn count(number: usize, noun: &str) -> String {
+pub(super) fn count(number: usize, noun: &str) -> String {
     format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
 
 /// Tags as `key=value`, in key order.
-pub(crate) fn tags(tags: &std::collections::BTreeMap<String, String>) -> String {
+pub(super) fn tags(tags: &std::collections::BTreeMap<String, String>) -> String {
     tags.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>().join(" ")
 }
 
 /// A shape as `64x64x64` (Z, Y, X).
-pub(crate) fn shape(shape: Option<[usize; 3]>) -> String {
+pub(super) fn shape(shape: Option<[usize; 3]>) -> String {
     shape.map_or_else(|| "-".to_owned(), |[z, y, x]| format!("{z}x{y}x{x}"))
 }
 
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_line_up_and_lines_have_no_trailing_blanks() {
+    fn columns_are_aligned_without_trailing_spaces() {
         let mut table = Table::new([("id", Align::Right), ("name", Align::Left), ("tags", Align::Left)]);
         table.row(["1".into(), "marble".into(), String::new()]);
         table.row(["12".into(), "oak".into(), "a=b".into()]);
@@ -105,12 +105,12 @@ mod tests {
     }
 
     #[test]
-    fn a_cell_cannot_break_its_line() {
+    fn control_characters_are_escaped() {
         assert_eq!(one_line("oak\n\u{1b}[31mred\tä 木"), "oak\\n\\u{1b}[31mred\\tä 木");
     }
 
     #[test]
-    fn sizes_are_told_in_the_unit_people_use() {
+    fn sizes_have_readable_units() {
         assert_eq!([bytes(512), bytes(1_468_006), bytes(5 << 30)], ["512 B", "1.4 MiB", "5.0 GiB"]);
     }
 }

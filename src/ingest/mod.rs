@@ -6,6 +6,7 @@
 //! that an interrupted ingest is completed by running it again.
 
 mod confined;
+mod extract;
 mod ordered;
 pub mod recipes;
 
@@ -17,6 +18,10 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 pub use confined::confined;
+pub use extract::{
+    ExtractFileError, ExtractOptions, ExtractReport, ExtractVariant, ExtractedFile, FailedExtraction, SAMPLED_WINDOWS,
+    extract_files,
+};
 
 use crate::TextureId;
 use crate::database::{Added, BlockOf, Database, Meta, Prepared};

@@ -6,33 +6,33 @@ use clap::Args;
 use hlacdb::synth::Nuisance;
 use hlacdb::{Database, NuisanceUpdate};
 
-use super::bars::Bars;
-use super::table::{count, duration};
-use super::{Context, Failure, Outcome};
+use crate::cli::context::{Context, Failure, Outcome};
+use crate::cli::progress::TerminalProgress;
+use crate::cli::table::{count, duration};
 
-/// Fit the statistics and the space anew, rebuild the index
+/// Fit the spaces on all textures and rebuild the index
 ///
-/// A space is fitted by itself each time the store has doubled; this fits it on everything there is now.
+/// Spaces are fitted automatically each time the store has doubled. This command fits them on all textures that are stored now.
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb reindex
-  hlacdb reindex --reextract        describe all voxels anew, e.g. after damage
+  hlacdb reindex --reextract        describe all textures again, e.g. after damage
   hlacdb reindex --nuisance brightness,noise,rotation
-                                    learn from the store what should not matter
-  hlacdb reindex --nuisance prior   forget that again")]
+                                    estimate from the store which changes should not matter
+  hlacdb reindex --nuisance prior   discard that estimate")]
 pub(crate) struct Reindex {
-    /// Describe every texture whose voxels are kept anew, and rebuild the statistics from nothing
+    /// Describe every texture whose voxels are stored again, and recompute the statistics
     #[arg(long)]
     reextract: bool,
 
-    /// What should not matter: brightness, contrast, gamma, noise, rotation (separated by commas), or all. Estimated on at most
-    /// 512 textures whose voxels are kept, and in force until `prior` forgets it
-    #[arg(long, value_name = "WORDS", value_parser = learn)]
+    /// Changes that should not matter: brightness, contrast, gamma, noise, rotation (separated by commas), or all. Their effect
+    /// is estimated on at most 512 textures with stored voxels. It applies until `prior` discards it
+    #[arg(long, value_name = "WORDS", value_parser = nuisance_update)]
     nuisance: Option<NuisanceUpdate>,
 }
 
-/// The words after `--nuisance`.
-fn learn(words: &str) -> Result<NuisanceUpdate, String> {
+/// Parses the words after `--nuisance`.
+fn nuisance_update(words: &str) -> Result<NuisanceUpdate, String> {
     match words {
         "prior" => Ok(NuisanceUpdate::Reset),
         words => words.parse::<Nuisance>().map(NuisanceUpdate::Estimate).map_err(|error| format!("{error}, prior")),
@@ -42,20 +42,20 @@ fn learn(words: &str) -> Result<NuisanceUpdate, String> {
 impl Reindex {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_write()?;
-        let bars = Bars::until(context, context.interruptible()?);
-        let (began, before) = (Instant::now(), size(&database));
+        let progress = TerminalProgress::new(context)?;
+        let (start, before) = (Instant::now(), size(&database));
         let report = database.reindex(
             &hlacdb::ReindexOptions { reextract: self.reextract, nuisance: self.nuisance.unwrap_or_default() },
-            &bars,
+            &progress,
         )?;
         if size(&database) > before + before / 4 {
             // Points were written anew beside the old ones, and a file grows by doubling. Whoever holds the store open
             // hinders that, and nothing else: `compact` may be run later.
-            if let Err(error) = database.compact(&bars) {
+            if let Err(error) = database.compact(&progress) {
                 tracing::info!(%error, "the store was not compacted after the fit");
             }
         }
-        drop(bars);
+        drop(progress);
         if context.json {
             context.print_json(&report)?;
         } else {
@@ -64,7 +64,7 @@ impl Reindex {
                 report.epoch,
                 report.spaces.join(", "),
                 count(report.textures as usize, "texture"),
-                duration(began.elapsed())
+                duration(start.elapsed())
             ));
         }
         Ok(Outcome::Done)

@@ -4,19 +4,19 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::bars::Bars;
-use super::table::{bytes, count};
-use super::{Context, Failure, Outcome};
+use crate::cli::context::{Context, Failure, Outcome};
+use crate::cli::progress::TerminalProgress;
+use crate::cli::table::{bytes, count};
 
-/// Copy the store as it is at this moment, while others may go on using it
+/// Copy the store while others use it
 ///
-/// The copy is one consistent state, verified before it is reported. It is a store like any other.
+/// The copy is one consistent state, and it is verified before success is reported. It is a store like any other.
 #[derive(Args)]
 #[command(after_help = "Examples:
-  hlacdb backup /mnt/safe/textures-2026-11-22.hlacdb
-  hlacdb -s /mnt/safe/textures-2026-11-22.hlacdb verify --deep")]
+  hlacdb backup /mnt/safe/textures.backup
+  hlacdb -s /mnt/safe/textures.backup verify --deep     check the copy")]
 pub(crate) struct Backup {
-    /// Where to; nothing may be there
+    /// The copy; the file must not exist
     #[arg(value_name = "FILE")]
     file: PathBuf,
 }
@@ -24,14 +24,14 @@ pub(crate) struct Backup {
 impl Backup {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_read()?;
-        let bars = Bars::until(context, context.interruptible()?);
-        let report = database.backup(&self.file, &bars)?;
-        drop(bars);
+        let progress = TerminalProgress::new(context)?;
+        let report = database.backup(&self.file, &progress)?;
+        drop(progress);
         if context.json {
             context.print_json(&report)?;
         } else {
             context.note(&format!(
-                "copied {} (revision {}) to {}, {}, and verified it",
+                "copied {} (revision {}) to {}, {}, and verified the copy",
                 count(report.textures as usize, "texture"),
                 report.revision,
                 report.file,

@@ -6,30 +6,40 @@ use std::sync::{Arc, Mutex};
 use hlacdb::Progress;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::Context;
+use super::context::{Context, Failure};
 
-/// A bar with rate and time to go on a terminal, nothing elsewhere; a Ctrl-C flag either way.
-pub(crate) struct Bars {
-    shown: bool,
+/// A progress bar with rate and remaining time on a terminal, and nothing elsewhere. Ctrl-C cancels the work at its next
+/// safe point.
+pub(super) struct TerminalProgress {
+    visible: bool,
     bar: Mutex<Option<ProgressBar>>,
     interrupted: Arc<AtomicBool>,
 }
 
-impl Bars {
-    /// For work that ends early, and safely, once the flag is up.
-    pub(crate) fn until(context: &Context, interrupted: Arc<AtomicBool>) -> Self {
-        Self { shown: context.draws_progress(), bar: Mutex::new(None), interrupted }
+impl TerminalProgress {
+    /// Progress of work that commits batches.
+    pub(super) fn new(context: &Context) -> Result<Self, Failure> {
+        Self::with_message(
+            context,
+            "stopping after the current batch (press again to stop at once; what was reported as added is safe)",
+        )
+    }
+
+    /// Progress that prints `message` on stderr at the first Ctrl-C. A second one ends the program.
+    pub(super) fn with_message(context: &Context, message: &'static str) -> Result<Self, Failure> {
+        let interrupted = context.interruptible(message)?;
+        Ok(Self { visible: context.draws_progress(), bar: Mutex::new(None), interrupted })
     }
 
     fn with(&self, act: impl FnOnce(&mut Option<ProgressBar>)) {
-        // A poisoned lock only means that another thread panicked while drawing.
+        // A poisoned lock only means that another thread panicked while it drew.
         act(&mut self.bar.lock().unwrap_or_else(|poisoned| poisoned.into_inner()));
     }
 }
 
-impl Progress for Bars {
+impl Progress for TerminalProgress {
     fn begin(&self, stage: &str, steps: Option<u64>) {
-        if !self.shown {
+        if !self.visible {
             return;
         }
         let (bar, template) = match steps {
@@ -42,8 +52,8 @@ impl Progress for Bars {
             bar.set_style(style);
         }
         bar.set_message(stage.to_owned());
-        self.with(|shown| {
-            if let Some(old) = shown.replace(bar) {
+        self.with(|current| {
+            if let Some(old) = current.replace(bar) {
                 old.finish_and_clear();
             }
         });
@@ -62,7 +72,7 @@ impl Progress for Bars {
     }
 }
 
-impl Drop for Bars {
+impl Drop for TerminalProgress {
     fn drop(&mut self) {
         self.with(|bar| {
             if let Some(bar) = bar.take() {

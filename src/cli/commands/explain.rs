@@ -5,39 +5,39 @@ use std::io::Write;
 use clap::Args;
 use hlacdb::PairExplanation;
 
-use super::table::{Align, Table};
-use super::values::whole;
-use super::{Context, Failure, Outcome};
+use crate::cli::arguments::{SpaceArgument, whole};
+use crate::cli::context::{Context, Failure, Outcome};
+use crate::cli::table::{Align, Table};
 
-/// So many orbits are shown to a person; `--json` has all of them.
-const ORBITS: usize = 10;
+/// The most orbits in the table; `--json` prints all.
+const MAX_ORBITS: usize = 10;
 
-/// Why two textures are alike, or not: their distance, taken apart by view, number of cells and orbit of masks
+/// Explain why two textures are alike or different
 ///
-/// A positive share keeps the two apart, a negative one brings them together; all shares of a table add up to 100 %.
+/// Their squared distance is divided by view, by the number of cells of a mask, and by orbit of masks. A positive share
+/// separates the two textures, a negative one brings them together; the shares of a table add up to 100 %.
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb explain 12 845
   hlacdb explain 12 845 --space paper
   hlacdb --json explain 12 845 | jq '.orbits[:3]'")]
 pub(crate) struct Explain {
-    /// A texture of the store, by id
+    /// The id of a texture
     #[arg(value_name = "A", value_parser = whole::<u64>)]
     a: u64,
 
-    /// The other one
+    /// The id of another texture
     #[arg(value_name = "B", value_parser = whole::<u64>)]
     b: u64,
 
-    /// In which space: default, oriented, invariant, paper, zscore, or one of your own
-    #[arg(long, value_name = "NAME")]
-    space: Option<String>,
+    #[command(flatten)]
+    space: SpaceArgument,
 }
 
 impl Explain {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_read()?;
-        let explained = database.explain(self.a, self.b, self.space.as_deref())?;
+        let explained = database.explain(self.a, self.b, self.space.name.as_deref())?;
         if context.json {
             context.print_json(&explained)?;
         } else {
@@ -60,7 +60,7 @@ impl Explain {
 fn print(out: &mut impl Write, explained: &PairExplanation) -> Result<(), Failure> {
     let explanation = &explained.explanation;
     if explanation.total <= 0.0 {
-        writeln!(out, "nothing keeps them apart: their points are the same")?;
+        writeln!(out, "the two textures have the same point: there is nothing to explain")?;
         return Ok(());
     }
     let percent = |share: f64| format!("{:+.1}%", share * 100.0);
@@ -84,7 +84,7 @@ fn print(out: &mut impl Write, explained: &PairExplanation) -> Result<(), Failur
         ("of the orbit", Align::Left),
         ("masks", Align::Left),
     ]);
-    for share in explanation.orbits.iter().take(ORBITS) {
+    for share in explanation.orbits.iter().take(MAX_ORBITS) {
         table.row([
             share.orbit.to_string(),
             percent(share.share),
@@ -94,20 +94,20 @@ fn print(out: &mut impl Write, explained: &PairExplanation) -> Result<(), Failur
         ]);
     }
     table.write(out)?;
-    let left = explanation.orbits.len().saturating_sub(ORBITS);
-    if left > 0 {
-        writeln!(out, "... and {left} more with smaller shares (--json has all)")?;
+    let more = explanation.orbits.len().saturating_sub(MAX_ORBITS);
+    if more > 0 {
+        writeln!(out, "... and {more} more with smaller shares (--json prints all)")?;
     }
     writeln!(
         out,
-        "\nShares are of the squared distance: what is positive keeps the two apart, what is negative brings them together.\n\
-         A view is a mapped copy of the texture at full, half or quarter scale; an orbit is a mask in all its orientations\n\
-         (`hlacdb masks` draws masks by their letters), `mean` its strength and `deviation` how much that depends on direction."
+        "\nShares are of the squared distance: positive shares separate the two textures, negative ones bring them together.\n\
+         A view is a mapped copy of the texture at full, half or quarter scale. An orbit is a mask in all its orientations\n\
+         (`hlacdb masks` lists masks by their letters): `mean` is its strength, `deviation` how much that depends on direction."
     )?;
     Ok(())
 }
 
-/// The first masks of an orbit by their letters (`hlacdb masks` draws them), and how many more there are.
+/// The letters of the first masks of an orbit, and how many more there are.
 fn letters(masks: &[String]) -> String {
     const SHOWN: usize = 4;
     let first: Vec<&str> = masks.iter().take(SHOWN).map(String::as_str).collect();

@@ -9,21 +9,21 @@ use hlacdb::render;
 use hlacdb::volume::display_path;
 use hlacdb::{DEFAULT_SPACE, StatisticsReport, arrays};
 
-use super::table::{Align, Table, bytes, count};
-use super::values::svg;
-use super::{Context, Failure, Outcome};
+use crate::cli::arguments::svg;
+use crate::cli::context::{Context, Failure, Outcome};
+use crate::cli::table::{Align, Table, bytes, count};
 
-/// What the store holds: sizes, space, normalisation statistics, settings
+/// Show sizes, settings, a space and the normalisation statistics of the store
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb stats
-  hlacdb stats --moments                     mean, deviation, lowest and highest of all 251 moments
+  hlacdb stats --moments                     mean, standard deviation, lowest and highest of all 251 moments
   hlacdb --json stats | jq .statistics.mean
-  hlacdb stats --space paper                 another space's formula and axes
-  hlacdb stats --plot stats.svg              the 251 moments and the axes, drawn
+  hlacdb stats --space paper                 formula and axes of another space
+  hlacdb stats --plot stats.svg              the 251 moments and the axes, as a plot
   hlacdb stats --covariance cov.npy          the covariance of the moments, (251, 251) f64")]
 pub(crate) struct Stats {
-    /// Show the statistics of every moment
+    /// Show the statistics of all moments
     #[arg(long)]
     moments: bool,
 
@@ -31,11 +31,11 @@ pub(crate) struct Stats {
     #[arg(long, value_name = "OUT.npy")]
     covariance: Option<PathBuf>,
 
-    /// Which space to tell of: default, oriented, invariant, paper, zscore
+    /// The space to show: default, oriented, invariant, paper, zscore, or one added with `hlacdb space add`
     #[arg(long, value_name = "NAME", default_value = DEFAULT_SPACE)]
     space: String,
 
-    /// Draw mean and deviation of the 251 moments, and the variance of the space's axes, as SVG
+    /// Draw mean and standard deviation of the 251 moments, and the variance along the axes of the space
     #[arg(long, value_name = "OUT.svg", value_parser = svg())]
     plot: Option<PathBuf>,
 }
@@ -92,19 +92,19 @@ fn print_sizes(out: &mut impl Write, report: &StatisticsReport) -> Result<(), Fa
     let tables = report.bytes.iter().filter(|(name, _)| *name != FILE);
     tables.clone().for_each(|(name, &size)| table.row([name.clone(), bytes(size)]));
     let free = of_file.saturating_sub(tables.map(|(_, size)| size).sum());
-    table.row(["free, and the engine's own".to_owned(), bytes(free)]);
+    table.row(["free, and bookkeeping".to_owned(), bytes(free)]);
     table.row(["the file".to_owned(), bytes(of_file)]);
     table.write(out)?;
     if free > of_file / 2 && free > WORTH_COMPACTING {
-        writeln!(out, "`hlacdb compact` gives most of the free bytes back")?;
+        writeln!(out, "`hlacdb compact` frees most of the unused bytes")?;
     }
     Ok(())
 }
 
-/// The entry of a report's sizes that is the whole file.
+/// The entry of a report's sizes that counts the whole file.
 const FILE: &str = "file";
 
-/// Free bytes that are worth a word.
+/// Unused bytes that are worth a hint.
 const WORTH_COMPACTING: u64 = 4 << 20;
 
 fn print_space(out: &mut impl Write, report: &StatisticsReport) -> Result<(), Failure> {
@@ -121,13 +121,13 @@ fn print_space(out: &mut impl Write, report: &StatisticsReport) -> Result<(), Fa
     match &space.drift {
         Some(drift) => writeln!(
             out,
-            "drift since the fit: the mean texture moved by {:.3} of the spread; the spread is {:.3} times what it was",
+            "drift since the fit: the mean moved by {:.3} of the spread; the spread is {:.3} times as large",
             drift.shift, drift.spread
         )?,
-        None => writeln!(out, "drift since the fit: nothing to compare")?,
+        None => writeln!(out, "drift since the fit: none yet")?,
     }
     if space.drift.is_some_and(|drift| drift.is_far()) {
-        writeln!(out, "that is far: `hlacdb reindex` fits the space on everything there is now")?;
+        writeln!(out, "this is much: `hlacdb reindex` fits the space on all textures")?;
     }
     if space.axes.is_empty() {
         return Ok(());
@@ -165,7 +165,7 @@ fn print_statistics(out: &mut impl Write, report: &StatisticsReport, all: bool) 
         ("min", Align::Right),
         ("max", Align::Right),
     ]);
-    // One mask of each order stands for the rest.
+    // One mask of each order represents the others.
     let shown: Vec<usize> = if all { (0..MASKS.len()).collect() } else { vec![0, 1, 14] };
     for at in shown {
         let value = |values: &[f64]| values.get(at).map_or_else(|| "-".to_owned(), |value| format!("{value:.6}"));

@@ -7,21 +7,22 @@ use clap::Args;
 use hlacdb::migrations::{MigrateOptions, migrate};
 use hlacdb::volume::display_path;
 
-use super::{Context, Failure, Outcome};
+use crate::cli::context::{Context, Failure, Outcome};
 
-/// Bring a store of an older format to this version's
+/// Upgrade a store of an older format
 ///
-/// A copy of the store is kept beside it, unless --no-backup. A store that is current is left alone.
+/// The old store is kept beside the new one as STORE.format-N.backup, unless --no-backup is given. A store of the current format
+/// is left alone.
 #[derive(Args)]
 #[command(after_help = "Examples:
-  hlacdb migrate --check       only say what would be done
+  hlacdb migrate --check       only report what would be done
   hlacdb migrate")]
 pub(crate) struct Migrate {
-    /// Only say what would be done
+    /// Only report what would be done
     #[arg(long)]
     check: bool,
 
-    /// Keep no copy of the store as it was
+    /// Keep no copy of the old store
     #[arg(long)]
     no_backup: bool,
 }
@@ -31,7 +32,7 @@ impl Migrate {
         if !context.store.exists() {
             return Err(hlacdb::Error::from(hlacdb::OpenError::NoStore { path: context.store.clone() }).into());
         }
-        // A store that is current is not copied: the backup is named only once it is known that hops will be run.
+        // The name of the backup contains the old version, which only the plan knows.
         let plan = migrate(&context.store, &MigrateOptions { check_only: true, backup: None })?;
         let report = if self.check || plan.hops.is_empty() {
             plan
@@ -55,7 +56,7 @@ impl Migrate {
             writeln!(context.out(), "  {version} to {}: {hop}", version + 1)?;
         }
         if let Some(backup) = backup {
-            writeln!(context.out(), "the store as it was: {backup}")?;
+            writeln!(context.out(), "the old store: {backup}")?;
         }
         Ok(Outcome::Done)
     }

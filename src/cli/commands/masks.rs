@@ -6,18 +6,19 @@ use clap::Args;
 use hlacdb::hlac::MASKS;
 use serde::Serialize;
 
-use super::{Context, Failure, Outcome};
+use crate::cli::context::{Context, Failure, Outcome};
 
-/// Print the 251 masks: the file the paper offered for download
+/// Print the 251 masks of the paper
 ///
-/// One mask a line: its number, its letters (Figure 3a), and its cells as offsets z,y,x from the window's first corner.
+/// One mask per line: its number, its letters (Figure 3a of the paper), and its cells as offsets z,y,x from the window's first
+/// corner.
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb masks > masks.txt
-  hlacdb masks --letters        only the letters, one mask a line
+  hlacdb masks --letters        only the letters, one mask per line
   hlacdb --json masks")]
 pub(crate) struct Masks {
-    /// Only the letters
+    /// Print only the letters
     #[arg(long)]
     letters: bool,
 }

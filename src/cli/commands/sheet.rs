@@ -6,24 +6,24 @@ use clap::Args;
 use hlacdb::render::{self, ContactSheetOptions, SliceAxis};
 use hlacdb::volume::display_path;
 
-use super::values::{png, whole};
-use super::{Context, Failure, Outcome};
+use crate::cli::arguments::{png, whole};
+use crate::cli::context::{Context, Failure, Outcome};
 
-/// A picture of one texture's slices (the paper's Figure 1)
+/// Draw the slices of one texture as a picture (Figure 1 of the paper)
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb sheet 12                         writes texture-12.png
   hlacdb sheet 12 --out marble.png --axis y --columns 10")]
 pub(crate) struct Sheet {
-    /// The texture
+    /// The id of a texture
     #[arg(value_parser = whole::<u64>)]
     id: u64,
 
-    /// Where to write the picture [default: texture-ID.png]
+    /// The picture to write [default: texture-ID.png]
     #[arg(long, short, value_name = "OUT.png", value_parser = png())]
     out: Option<PathBuf>,
 
-    /// Slices across which axis: z, y or x
+    /// The axis across which slices are taken: z, y or x
     #[arg(long, value_name = "AXIS", default_value = "z")]
     axis: SliceAxis,
 
@@ -31,7 +31,7 @@ pub(crate) struct Sheet {
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=64))]
     columns: u16,
 
-    /// At most so many slices; of a thicker volume every n-th is drawn
+    /// The most slices; of a longer axis every n-th slice is drawn
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u16).range(1..=4096))]
     slices: u16,
 }
@@ -41,8 +41,8 @@ impl Sheet {
         let database = context.open_to_read()?;
         let texture = database.texture(self.id)?;
         let Some(volume) = database.volume(self.id)? else {
-            return Err(Failure::sentence(format!(
-                "texture {} ({}) was stored without its voxels: ingest its file again with --volumes keep to see it",
+            return Err(Failure::message(format!(
+                "texture {} ({}) was stored without voxels: ingest its file again with --volumes keep",
                 texture.id, texture.name
             )));
         };

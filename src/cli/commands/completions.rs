@@ -5,9 +5,10 @@ use std::io::Write;
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 
-use super::{Cli, Context, Failure, Outcome};
+use crate::cli::Cli;
+use crate::cli::context::{Context, Failure, Outcome};
 
-/// Print a shell's completion script
+/// Print a shell completion script
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb completions bash > ~/.local/share/bash-completion/completions/hlacdb
@@ -20,9 +21,9 @@ pub(crate) struct Completions {
 impl Completions {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         if context.json {
-            return Err(Failure::Usage("a completion script is no JSON document: leave out --json".into()));
+            return Err(Failure::Usage("a completion script cannot be printed as JSON: leave out --json".into()));
         }
-        // The generator panics where it cannot write: it writes to memory, and we to the pipe.
+        // The generator panics where it cannot write, so it writes to memory first.
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut Cli::command(), "hlacdb", &mut script);
         context.out().write_all(&script)?;

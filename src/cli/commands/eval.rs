@@ -1,30 +1,32 @@
 //! `hlacdb eval`.
 
+use std::cmp::Reverse;
 use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
-use hlacdb::eval::{self, Evaluation};
+use hlacdb::eval::{self, Evaluation, Measures};
 use hlacdb::render;
 use hlacdb::volume::display_path;
 
-use super::bars::Bars;
-use super::table::{Align, Table};
-use super::values::{svg, whole};
-use super::{Context, Failure, Outcome};
+use crate::cli::arguments::{svg, whole};
+use crate::cli::context::{Context, Failure, Outcome};
+use crate::cli::progress::TerminalProgress;
+use crate::cli::table::{Align, Table};
 
-/// Retrieval measures by a tag: P@1, P@k, mAP, per class
+/// Measure retrieval by a tag: P@1, P@k, mAP, per class
 ///
-/// Every texture that carries the tag is a query against all others that carry it. P@1 and P@k: the share of the first
-/// 1 and k hits with the query's value; mAP: mean average precision over the whole ranking.
+/// Every texture with the tag is a query against all other textures with the tag; a hit is right if it has the same value.
+/// P@1 and P@k are the fractions of right hits among the first 1 and k; mAP is the mean average precision over the whole
+/// ranking.
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb synth families && hlacdb eval --label family
   hlacdb eval --label class -k 30 --space paper,default
-  hlacdb eval --label rock --plot rock.svg     curves of precision, and how well each value is found")]
+  hlacdb eval --label rock --plot rock.svg     precision curves, and mAP of each class")]
 pub(crate) struct Eval {
-    /// The tag whose values say what is alike
+    /// The tag whose values are the classes
     #[arg(long, value_name = "KEY", value_parser = NonEmptyStringValueParser::new())]
     label: String,
 
@@ -32,15 +34,15 @@ pub(crate) struct Eval {
     #[arg(short, value_name = "N", default_value_t = 10, value_parser = whole::<usize>)]
     k: usize,
 
-    /// Which spaces, separated by commas [default: all the store has]
+    /// Spaces, separated by commas [default: all spaces of the store]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     space: Vec<String>,
 
-    /// Show every class and which classes are taken for which
+    /// Show every class, and the classes that it is confused with
     #[arg(long)]
     per_class: bool,
 
-    /// Draw precision by recall and by rank, and mAP by class, as SVG
+    /// Draw precision by recall and by rank, and mAP by class
     #[arg(long, value_name = "OUT.svg", value_parser = svg())]
     plot: Option<PathBuf>,
 }
@@ -49,9 +51,9 @@ impl Eval {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_read()?;
         let spaces = if self.space.is_empty() { database.space_names()? } else { distinct(self.space) };
-        let bars = Bars::until(context, context.interruptible()?);
-        let evaluation = eval::evaluate(&database, &self.label, self.k, &spaces, &bars)?;
-        drop(bars);
+        let progress = TerminalProgress::new(context)?;
+        let evaluation = eval::evaluate(&database, &self.label, self.k, &spaces, &progress)?;
+        drop(progress);
         if let Some(path) = &self.plot {
             render::write_svg(path, &render::evaluation_plot(&evaluation)?)?;
             context.note(&format!("wrote {}", display_path(path)));
@@ -68,10 +70,15 @@ impl Eval {
     }
 }
 
-/// The names in order, each once.
+/// The names in order, without repetitions.
 fn distinct(names: Vec<String>) -> Vec<String> {
     let mut seen = std::collections::BTreeSet::new();
     names.into_iter().filter(|name| seen.insert(name.clone())).collect()
+}
+
+/// P@1, P@k and mAP as cells of a table.
+fn cells(measures: &Measures) -> [String; 3] {
+    [measures.p_at_1, measures.p_at_k, measures.map].map(|value| format!("{value:.3}"))
 }
 
 fn print_summary(context: &mut Context, evaluation: &Evaluation) -> Result<(), Failure> {
@@ -84,7 +91,7 @@ fn print_summary(context: &mut Context, evaluation: &Evaluation) -> Result<(), F
         ("mAP", Align::Right),
     ]);
     for space in &evaluation.spaces {
-        let [first, top, map] = [space.all.p_at_1, space.all.p_at_k, space.all.map].map(|value| format!("{value:.3}"));
+        let [first, top, map] = cells(&space.all);
         table.row([space.space.clone(), space.all.queries.to_string(), first, top, map]);
     }
     Ok(table.write(context.out())?)
@@ -100,13 +107,13 @@ fn print_classes(context: &mut Context, evaluation: &Evaluation) -> Result<(), F
             ("P@1", Align::Right),
             (at_k.as_str(), Align::Right),
             ("mAP", Align::Right),
-            ("first taken for", Align::Left),
+            ("confused with", Align::Left),
         ]);
         for (class, measures) in &space.per_class {
-            let [first, top, map] = [measures.p_at_1, measures.p_at_k, measures.map].map(|value| format!("{value:.3}"));
+            let [first, top, map] = cells(measures);
             let mut wrong: Vec<(&String, &usize)> =
                 space.confusion.get(class).into_iter().flatten().filter(|(other, _)| *other != class).collect();
-            wrong.sort_by_key(|(_, times)| std::cmp::Reverse(**times));
+            wrong.sort_by_key(|(_, times)| Reverse(**times));
             let wrong: Vec<String> = wrong.iter().take(4).map(|(other, times)| format!("{other} {times}")).collect();
             table.row([class.clone(), measures.queries.to_string(), first, top, map, wrong.join(", ")]);
         }

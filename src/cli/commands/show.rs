@@ -7,17 +7,17 @@ use hlacdb::store::Provenance;
 use hlacdb::volume::display_path;
 use serde::Serialize;
 
-use super::table::{bytes, one_line, shape, tags};
-use super::values::whole;
-use super::{Context, Failure, Outcome};
+use crate::cli::arguments::whole;
+use crate::cli::context::{Context, Failure, Outcome};
+use crate::cli::table::{bytes, one_line, shape, tags};
 
-/// One texture: provenance, tags, descriptor
+/// Show one texture: provenance, tags, descriptor
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb show 12
   hlacdb --json show 12 | jq .moments")]
 pub(crate) struct Show {
-    /// The texture
+    /// The id of a texture
     #[arg(value_parser = whole::<u64>)]
     id: u64,
 }
@@ -59,7 +59,7 @@ impl Show {
             ("content", texture.content.as_ref().map_or_else(|| "-".into(), |hash| hash.to_string())),
             (
                 "voxels",
-                texture.stored_bytes.map_or_else(|| "not kept".into(), |size| format!("{} compressed", bytes(size))),
+                texture.stored_bytes.map_or_else(|| "not stored".into(), |size| format!("{} compressed", bytes(size))),
             ),
             ("path", path_shown.unwrap_or_else(|| "-".into())),
             ("source", texture.source.as_ref().map_or_else(|| "-".into(), source)),
@@ -75,11 +75,11 @@ impl Show {
     }
 }
 
-/// The kind of file, its samples, and how they became 256 levels.
+/// The file format, the sample type, and how samples map to 256 levels.
 fn source(source: &Provenance) -> String {
     let levels = match &source.mapping {
-        Some(mapping) => format!("{} to {} became 0 to 255 ({})", mapping.lo, mapping.hi, mapping.rule),
-        None => "taken as they are".to_owned(),
+        Some(mapping) => format!("{} to {} mapped to 0 to 255 ({})", mapping.lo, mapping.hi, mapping.rule),
+        None => "not rescaled".to_owned(),
     };
     format!("{}, {} samples, {levels}", source.kind, source.samples)
 }

@@ -2,33 +2,32 @@
 
 use clap::Args;
 
-use super::table::{Align, Table, count};
-use super::{Context, Failure, Outcome};
+use crate::cli::arguments::SpaceArgument;
+use crate::cli::context::{Context, Failure, Outcome};
+use crate::cli::table::{Align, Table, count};
 
-/// Pairs of textures that are nearly the same
+/// List pairs of near-duplicate textures
 ///
-/// Nothing is removed: `hlacdb remove` does that. What is the same to the voxel was never added twice; these are textures whose
-/// points lie near one another. The distance that counts as near is 0.015 unless said otherwise: unit points that have nothing
-/// in common are 1.41 apart.
+/// Identical volumes are never stored twice; these are pairs of textures whose points are close together. Nothing is removed:
+/// use `hlacdb remove` for that. In the default space, unrelated textures are about 1.41 apart.
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb dedupe
   hlacdb dedupe --within 0.05
   hlacdb --json dedupe --space paper --within 2")]
 pub(crate) struct Dedupe {
-    /// Pairs at this distance or nearer [default: 0.015]
+    /// The largest distance of a pair [default: 0.015]
     #[arg(long, value_name = "DISTANCE")]
     within: Option<f64>,
 
-    /// In which space [default: default]
-    #[arg(long, value_name = "NAME")]
-    space: Option<String>,
+    #[command(flatten)]
+    space: SpaceArgument,
 }
 
 impl Dedupe {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_read()?;
-        let pairs = database.near_pairs(self.space.as_deref(), self.within)?;
+        let pairs = database.near_pairs(self.space.name.as_deref(), self.within)?;
         if context.json {
             context.print_json(&serde_json::json!({ "pairs": pairs }))?;
             return Ok(Outcome::Done);

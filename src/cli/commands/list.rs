@@ -1,23 +1,23 @@
 //! `hlacdb list`.
 
+use std::collections::BTreeMap;
+
 use clap::Args;
-use hlacdb::TagFilter;
 use serde::Serialize;
 
-use super::table::{Align, Table, shape, tags};
-use super::tag::KeyValue;
-use super::{Context, Failure, Outcome};
+use crate::cli::arguments::FilterArguments;
+use crate::cli::context::{Context, Failure, Outcome};
+use crate::cli::table::{Align, Table, shape, tags};
 
-/// The textures of the store
+/// List the textures of the store
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb list
   hlacdb list --where family=marble
   hlacdb --json list | jq '.textures[].name'")]
 pub(crate) struct List {
-    /// Only textures with this tag (repeatable: all must hold)
-    #[arg(long = "where", value_name = "KEY=VALUE")]
-    filters: Vec<KeyValue>,
+    #[command(flatten)]
+    filters: FilterArguments,
 }
 
 #[derive(Serialize)]
@@ -25,14 +25,12 @@ struct Row {
     id: u64,
     name: String,
     shape: Option<[usize; 3]>,
-    tags: std::collections::BTreeMap<String, String>,
+    tags: BTreeMap<String, String>,
 }
 
 impl List {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
-        let database = context.open_to_read()?;
-        let filters: Vec<TagFilter> = self.filters.into_iter().map(KeyValue::into_filter).collect();
-        let textures = database.textures(&filters)?;
+        let textures = context.open_to_read()?.textures(&self.filters.filters())?;
         if context.json {
             let rows: Vec<Row> = textures
                 .into_iter()

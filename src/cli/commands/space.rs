@@ -6,14 +6,14 @@ use clap::{Args, Subcommand, ValueEnum};
 use hlacdb::hlac::View;
 use hlacdb::space::{Definition, FeatureForm, FeatureSet, Space as Fitted, SpaceKind};
 
-use super::bars::Bars;
-use super::table::{Align, Table};
-use super::{Context, Failure, Outcome};
+use crate::cli::context::{Context, Failure, Outcome};
+use crate::cli::progress::TerminalProgress;
+use crate::cli::table::{Align, Table};
 
-/// The spaces of the store, and spaces of your own
+/// List, show, add or remove spaces
 ///
-/// A space says what likeness means: which views are looked at, and what is made of their moments. A space of your own is
-/// kept in the store, fitted with the others, and named wherever a command takes --space.
+/// A space defines similarity: which views are compared, and how. A space that you add is kept in the store, fitted together
+/// with the built-in ones, and available wherever a command takes --space.
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb space list
@@ -24,72 +24,72 @@ use super::{Context, Failure, Outcome};
   hlacdb space remove fine")]
 pub(crate) struct Space {
     #[command(subcommand)]
-    act: Act,
+    action: Action,
 }
 
 #[derive(Subcommand)]
-enum Act {
-    /// The spaces that the store answers in
+enum Action {
+    /// List the spaces of the store
     List,
-    /// The formula of one space
+    /// Show the formula of one space
     Show {
-        /// Its name
+        /// The name of the space
         name: String,
     },
-    /// Add a space of your own and fit it
+    /// Add a space and fit it
     Add(Add),
-    /// Remove a space of your own
+    /// Remove a space that was added
     Remove {
-        /// Its name
+        /// The name of the space
         name: String,
     },
 }
 
 #[derive(Args)]
 struct Add {
-    /// 1 to 64 letters, digits, - or _
+    /// The name: 1 to 64 letters, digits, - or _
     name: String,
 
-    /// Views of the store, separated by commas; all seven of the default space (histograms: full@1) unless said
+    /// Views of the store, separated by commas [default: the seven views of the default space; full@1 for histograms]
     #[arg(long, value_name = "VIEWS", value_delimiter = ',')]
     views: Vec<String>,
 
-    /// Forget orientation: mean and deviation over each of the 18 orbits of masks, and not the 251 masks
+    /// Ignore orientation: use mean and deviation over each of the 18 orbits of masks instead of the 251 masks
     #[arg(long)]
     pooled: bool,
 
-    /// Weight of the nuisance scatter: 0 knows no nuisance, 1 weighs it as much as the octants
+    /// Weight of the nuisance scatter: 0 ignores nuisances, 1 weighs them as much as the octants
     #[arg(long, value_name = "W", default_value_t = 0.5, allow_hyphen_values = true)]
     nuisance: f64,
 
-    /// Coordinates of a point, 1 to 128
+    /// The number of coordinates of a point, 1 to 128
     #[arg(long, value_name = "P", default_value_t = 32)]
     dims: usize,
 
-    /// What is made of the features
-    #[arg(long, value_enum, default_value_t = What::Likeness)]
-    kind: What,
+    /// How features are compared
+    #[arg(long, value_enum, default_value_t = Kind::Likeness)]
+    kind: Kind,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum What {
-    /// The directions that vary much between textures and little within one; L2
+enum Kind {
+    /// Along directions that vary much between textures and little within one; L2
     Likeness,
-    /// The sums per window; L1 (the paper's histogram)
+    /// As histograms of sums per window; L1 (the paper's histogram)
     Histogram,
-    /// Histogram intersection: 1 - the sum of the lower of each two bins
+    /// By histogram intersection: 1 minus the sum of the smaller of each two bins
     Intersection,
-    /// (x - mean) / sd; L2
+    /// As z-scores (x - mean) / sd; L2
     Zscore,
 }
 
 impl Space {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
-        match self.act {
-            Act::List => list(context),
-            Act::Show { name } => show(context, &name),
-            Act::Add(add) => add.run(context),
-            Act::Remove { name } => {
+        match self.action {
+            Action::List => list(context),
+            Action::Show { name } => show(context, &name),
+            Action::Add(add) => add.run(context),
+            Action::Remove { name } => {
                 context.open_to_write()?.remove_space(&name)?;
                 if context.json {
                     context.print_json(&serde_json::json!({ "removed": name }))?;
@@ -105,7 +105,7 @@ impl Space {
 fn list(context: &mut Context) -> Result<Outcome, Failure> {
     let spaces = context.open_to_read()?.spaces()?;
     if context.json {
-        let spaces: Vec<_> = spaces.iter().map(told).collect();
+        let spaces: Vec<_> = spaces.iter().map(document).collect();
         context.print_json(&serde_json::json!({ "spaces": spaces }))?;
         return Ok(Outcome::Done);
     }
@@ -128,8 +128,8 @@ fn list(context: &mut Context) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
-/// A space as `--json` shows it.
-fn told(space: &Fitted) -> serde_json::Value {
+/// A space as `--json` prints it.
+fn document(space: &Fitted) -> serde_json::Value {
     let definition = space.definition();
     serde_json::json!({
         "name": space.name(),
@@ -146,7 +146,7 @@ fn show(context: &mut Context, name: &str) -> Result<Outcome, Failure> {
     let space = context.open_to_read()?.space(name)?;
     let definition = space.definition();
     if context.json {
-        context.print_json(&told(&space))?;
+        context.print_json(&document(&space))?;
     } else {
         let (epoch, textures) = (space.epoch(), space.textures_at_fit());
         writeln!(context.out(), "{name}: fit {epoch}, on {textures} textures\n{}", definition.formula())?;
@@ -158,11 +158,11 @@ impl Add {
     fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let definition = self.definition()?;
         let database = context.open_to_write()?;
-        let bars = Bars::until(context, context.interruptible()?);
-        let added = database.add_space(&definition, &bars)?;
-        drop(bars);
+        let progress = TerminalProgress::new(context)?;
+        let added = database.add_space(&definition, &progress)?;
+        drop(progress);
         if context.json {
-            context.print_json(&told(&added))?;
+            context.print_json(&document(&added))?;
         } else {
             context.note(&format!(
                 "added the space {}, fitted on {} textures\n{}",
@@ -174,9 +174,9 @@ impl Add {
         Ok(Outcome::Done)
     }
 
-    /// What was asked for.
+    /// The definition that the arguments describe.
     fn definition(&self) -> Result<Definition, Failure> {
-        let likeness = self.kind == What::Likeness;
+        let likeness = self.kind == Kind::Likeness;
         let views = match self.views.as_slice() {
             [] if likeness => View::LIKENESS.to_vec(),
             [] => vec![View::Full],
@@ -187,9 +187,9 @@ impl Add {
         }
         let form = if self.pooled { FeatureForm::Pooled } else { FeatureForm::Moments };
         let kind = match self.kind {
-            What::Histogram => SpaceKind::Histogram,
-            What::Intersection => SpaceKind::Intersection,
-            What::Zscore | What::Likeness => SpaceKind::ZScore,
+            Kind::Histogram => SpaceKind::Histogram,
+            Kind::Intersection => SpaceKind::Intersection,
+            Kind::Zscore | Kind::Likeness => SpaceKind::ZScore,
         };
         Ok(Definition::new(&self.name, FeatureSet::new(form, &views)?, kind)?)
     }

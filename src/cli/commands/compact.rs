@@ -2,11 +2,13 @@
 
 use clap::Args;
 
-use super::bars::Bars;
-use super::table::bytes;
-use super::{Context, Failure, Outcome};
+use crate::cli::context::{Context, Failure, Outcome};
+use crate::cli::progress::TerminalProgress;
+use crate::cli::table::bytes;
 
-/// Give the space of removed textures back
+/// Free the space of removed textures
+///
+/// The file is rewritten without unused space. Nothing else changes.
 #[derive(Args)]
 #[command(after_help = "Example:
   hlacdb remove 12 && hlacdb compact")]
@@ -15,9 +17,9 @@ pub(crate) struct Compact;
 impl Compact {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let database = context.open_to_write()?;
-        let bars = Bars::until(context, context.interruptible()?);
-        let report = database.compact(&bars)?;
-        drop(bars);
+        let progress = TerminalProgress::new(context)?;
+        let report = database.compact(&progress)?;
+        drop(progress);
         if context.json {
             context.print_json(&report)?;
         } else {

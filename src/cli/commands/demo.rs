@@ -1,39 +1,39 @@
-//! `hlacdb demo`: the paper's experiment, start to end.
+//! `hlacdb demo`: the paper's experiment from beginning to end.
 
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
+use hlacdb::render::{self, ContactSheetOptions};
 use hlacdb::synth::{Recipe, Specimen};
 use hlacdb::volume::{Volume, VolumeSource, display_path};
 use hlacdb::{Database, Meta, OpenOptions, Progress, Query, arrays, eval};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::bars::Bars;
-use super::query::write_sheet;
-use super::table::{Align, Table};
-use super::{Context, Failure, Outcome};
+use crate::cli::context::{Context, Failure, Outcome};
+use crate::cli::progress::TerminalProgress;
+use crate::cli::table::{Align, Table};
 
-/// The paper's experiment from nothing: 600 textures, 600 queries, its figures beside ours
+/// Reproduce the paper's experiment: 600 textures, 600 queries, times and precision
 ///
-/// Synthesises the 600 solid textures of 64^3 (300 of Perlin noise, 300 with fractal noise), describes them, asks for the 30
-/// most alike of each, and prints the times and the share of right answers. A second run reuses the folder.
+/// Generates the 600 solid textures of 64^3 voxels (300 of Perlin noise, 300 of fractal noise), describes them, finds the 30
+/// most similar textures of each, and prints times and precision beside those of the paper. A second run reuses the folder.
 #[derive(Args)]
 #[command(after_help = "Examples:
   hlacdb demo
   hlacdb demo --dir demo && hlacdb -s demo/textures.hlacdb stats")]
 pub(crate) struct Demo {
-    /// The folder of the store and the pictures
+    /// The folder for the store and the pictures
     #[arg(long, value_name = "DIR", default_value = "hlacdb-demo")]
     dir: PathBuf,
 }
 
-/// The paper asks for the 30 textures most alike.
+/// The number of hits, as in the paper.
 const K: usize = 30;
 
-/// How long the steps took, in seconds.
+/// The times of the steps, in seconds.
 #[derive(Clone, Copy, Default, Serialize, Deserialize)]
 struct Times {
     synthesis_a: f64,
@@ -60,7 +60,7 @@ impl Demo {
         })?;
         let database = OpenOptions::new().open(self.dir.join("textures.hlacdb"))?;
         let recipe = Recipe::builtin("paper600")?;
-        let bars = Bars::until(context, context.interruptible()?);
+        let progress = TerminalProgress::new(context)?;
         let times = if database.len()? >= recipe.count() {
             context.note(&format!(
                 "using the {} textures of an earlier run in {}",
@@ -69,14 +69,14 @@ impl Demo {
             ));
             self.earlier_times()
         } else {
-            let Some(times) = build(&database, &recipe, &bars)? else { return Ok(Outcome::Partly) };
+            let Some(times) = build(&database, &recipe, &progress)? else { return Ok(Outcome::Partly) };
             arrays::write_text(&self.times_path(), &serde_json::to_string_pretty(&times)?)?;
             Some(times)
         };
-        let query_us = ask_all(&database, &bars)?;
+        let query_us = query_all(&database, &progress)?;
         let spaces = ["paper".to_owned(), "default".to_owned()];
-        let precision = eval::evaluate(&database, "class", K, &spaces, &bars)?.spaces;
-        drop(bars);
+        let precision = eval::evaluate(&database, "class", K, &spaces, &progress)?.spaces;
+        drop(progress);
         let sheets = self.draw(&database)?;
         let times_s = times.unwrap_or_default();
         let document = Document { textures: database.len()?, times_s, query_us, precision, sheets };
@@ -92,12 +92,12 @@ impl Demo {
         self.dir.join("times.json")
     }
 
-    /// The times that the run which made the store wrote down; `None` where they are gone.
+    /// The times of the run that created the store; `None` where their file is missing or invalid.
     fn earlier_times(&self) -> Option<Times> {
         serde_json::from_slice(&std::fs::read(self.times_path()).ok()?).ok()
     }
 
-    /// Three queries of either class, as the paper's Figures 6a to 6c.
+    /// Draws three queries and their hits, like Figures 6a to 6c of the paper.
     fn draw(&self, database: &Database) -> Result<Vec<String>, Failure> {
         let labels = database.labels("class")?;
         let of_class =
@@ -109,9 +109,12 @@ impl Demo {
             let Some(&id) = id else { continue };
             let path = self.dir.join(name);
             let answer = database.query(&Query::texture(id).k(5).exclude_self())?;
-            let title = database.texture(id)?.name;
-            write_sheet(database, database.volume(id)?.as_ref(), &title, &answer, &path)?;
-            sheets.push(display_path(&path));
+            let (name, volume) = (database.texture(id)?.name, database.volume(id)?);
+            let options = ContactSheetOptions::new();
+            if let Some(sheet) = render::answer_sheet(database, volume.as_ref(), &name, &answer, &options)? {
+                sheet.write_png(&path)?;
+                sheets.push(display_path(&path));
+            }
         }
         Ok(sheets)
     }
@@ -169,8 +172,8 @@ impl Demo {
     }
 }
 
-/// Synthesises, describes and stores the recipe's textures, each step timed by itself; `None` where it was stopped.
-fn build(database: &Database, recipe: &Recipe, bars: &Bars) -> Result<Option<Times>, Failure> {
+/// Generates, describes and stores the textures of the recipe and times each step; `None` if cancelled.
+fn build(database: &Database, recipe: &Recipe, progress: &TerminalProgress) -> Result<Option<Times>, Failure> {
     let specimens = recipe.specimens();
     let mut times = Times::default();
     let mut textures: Vec<(Meta, Volume)> = Vec::with_capacity(specimens.len());
@@ -179,31 +182,31 @@ fn build(database: &Database, recipe: &Recipe, bars: &Bars) -> Result<Option<Tim
             .iter()
             .filter(|specimen| specimen.tags.get("class").is_some_and(|label| label == class))
             .collect();
-        bars.begin(&format!("synthesis {class}"), Some(of_class.len() as u64));
-        let began = Instant::now();
+        progress.begin(&format!("synthesis {class}"), Some(of_class.len() as u64));
+        let start = Instant::now();
         let volumes: Vec<(Meta, Volume)> = of_class
             .par_iter()
             .map(|specimen| {
                 let meta =
                     Meta::named(specimen.name.clone()).tags(specimen.tags.clone()).source(VolumeSource::SYNTHETIC);
                 let volume = specimen.volume();
-                bars.advance(1);
+                progress.advance(1);
                 (meta, volume)
             })
             .collect();
-        *time = began.elapsed().as_secs_f64();
+        *time = start.elapsed().as_secs_f64();
         textures.extend(volumes);
     }
-    bars.begin("features", Some(textures.len() as u64));
-    let began = Instant::now();
+    progress.begin("features", Some(textures.len() as u64));
+    let start = Instant::now();
     let windows: u64 = textures.par_iter().map(|(_, volume)| hlacdb::octant_sums(volume).total().windows).sum();
-    times.features = began.elapsed().as_secs_f64();
-    tracing::debug!(windows, "all sums taken");
-    if bars.cancelled() {
+    times.features = start.elapsed().as_secs_f64();
+    tracing::debug!(windows, "computed all sums");
+    if progress.cancelled() {
         return Ok(None);
     }
-    let began = Instant::now();
-    bars.begin("storing", Some(textures.len() as u64));
+    let start = Instant::now();
+    progress.begin("storing", Some(textures.len() as u64));
     while !textures.is_empty() {
         let batch: Vec<_> = textures.drain(..textures.len().min(64)).collect();
         let added = batch.len() as u64;
@@ -212,30 +215,30 @@ fn build(database: &Database, recipe: &Recipe, bars: &Bars) -> Result<Option<Tim
             .map(|(meta, volume)| database.prepare(volume, meta, hlacdb::store::Volumes::Keep))
             .collect();
         database.commit(prepared?)?;
-        bars.advance(added);
-        if bars.cancelled() {
+        progress.advance(added);
+        if progress.cancelled() {
             return Ok(None);
         }
     }
-    database.reindex(&hlacdb::ReindexOptions::default(), bars)?;
-    times.ingest = began.elapsed().as_secs_f64();
+    database.reindex(&hlacdb::ReindexOptions::default(), progress)?;
+    times.ingest = start.elapsed().as_secs_f64();
     Ok(Some(times))
 }
 
-/// Asks for the textures most alike to each texture; returns the mean time of a query in microseconds.
-fn ask_all(database: &Database, bars: &Bars) -> Result<f64, Failure> {
+/// Queries with every texture; returns the mean time of a query in microseconds.
+fn query_all(database: &Database, progress: &TerminalProgress) -> Result<f64, Failure> {
     let textures = database.textures(&[])?;
-    bars.begin("queries", Some(textures.len() as u64));
-    // The first question loads the index.
+    progress.begin("queries", Some(textures.len() as u64));
+    // The first query loads the index.
     if let Some(texture) = textures.first() {
         database.query(&Query::texture(texture.id).k(K))?;
     }
-    let began = Instant::now();
+    let start = Instant::now();
     for texture in &textures {
         database.query(&Query::texture(texture.id).k(K))?;
-        bars.advance(1);
+        progress.advance(1);
     }
-    Ok(began.elapsed().as_secs_f64() * 1e6 / textures.len().max(1) as f64)
+    Ok(start.elapsed().as_secs_f64() * 1e6 / textures.len().max(1) as f64)
 }
 
 #[cfg(test)]
@@ -243,7 +246,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_come_back_from_the_file_of_an_earlier_run() {
+    fn times_of_an_earlier_run_are_read_from_their_file() {
         let dir = tempfile::tempdir().unwrap();
         let demo = Demo { dir: dir.path().to_path_buf() };
         assert!(demo.earlier_times().is_none());

@@ -1,0 +1,29 @@
+//! The commands, one file each: parse, call the library, print.
+
+pub(super) mod backup;
+pub(super) mod compact;
+pub(super) mod completions;
+pub(super) mod dedupe;
+pub(super) mod demo;
+pub(super) mod eval;
+pub(super) mod explain;
+pub(super) mod export;
+pub(super) mod extract;
+pub(super) mod import;
+pub(super) mod ingest;
+pub(super) mod list;
+pub(super) mod masks;
+pub(super) mod migrate;
+pub(super) mod query;
+pub(super) mod reindex;
+pub(super) mod remove;
+pub(super) mod repair;
+#[cfg(feature = "serve")]
+pub(super) mod serve;
+pub(super) mod sheet;
+pub(super) mod show;
+pub(super) mod space;
+pub(super) mod stats;
+pub(super) mod synth;
+pub(super) mod tag;
+pub(super) mod verify;
