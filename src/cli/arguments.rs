@@ -7,6 +7,7 @@ use std::str::FromStr;
 use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use hlacdb::TagFilter;
+use hlacdb::volume::formats::infos;
 use hlacdb::volume::{Endian, Intensity, RawLayout, RawTypeError, ReadOptions, SampleType, Shape};
 
 use super::context::Failure;
@@ -28,8 +29,7 @@ pub(super) struct ReadArguments {
     #[arg(long, value_name = "BYTES", default_value_t = ReadOptions::MAX_INFLATED, value_parser = whole::<u64>)]
     max_inflated: u64,
 
-    /// Shape of raw files: those named .raw, .bin or .dat, and files of an unrecognised format
-    #[arg(long, value_name = "Z,Y,X", requires = "raw_type")]
+    #[arg(long, value_name = "Z,Y,X", requires = "raw_type", help = raw_shape_help())]
     raw_shape: Option<RawShape>,
 
     /// Sample type of raw files: u8, i8, u16le, u16be, i16le, ..., f32le, f64be
@@ -53,6 +53,12 @@ impl ReadArguments {
             _ => options,
         }
     }
+}
+
+fn raw_shape_help() -> String {
+    let raw = infos().filter(|format| format.needs_layout).flat_map(|format| format.extensions);
+    let extensions: Vec<&str> = raw.copied().collect();
+    format!("Shape of raw files: those named {}, and files of an unrecognised format", extensions.join(", "))
 }
 
 #[derive(Clone, Copy)]

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use hlacdb::volume::formats::infos;
 
 use super::commands::*;
 use super::context::{Context, Failure, Outcome};
@@ -114,11 +115,25 @@ pub(crate) fn command() -> clap::Command {
         definition = definition.mut_arg("store", |argument| argument.env(None::<&str>));
     }
     definition.mut_subcommands(|command| {
-        command.mut_args(|argument| match takes_value(&argument) {
+        let command = command.mut_args(|argument| match takes_value(&argument) {
             true => argument.allow_negative_numbers(true),
             false => argument,
-        })
+        });
+        match command.get_name() {
+            "ingest" | "query" | "extract" => with_formats(command),
+            _ => command,
+        }
     })
+}
+
+/// Adds the formats that can be read to the help of a command.
+fn with_formats(command: clap::Command) -> clap::Command {
+    let formats: Vec<String> = infos()
+        .filter(|format| format.available)
+        .map(|format| format!("{} ({})", format.title, [format.extensions, format.slices].concat().join(" ")))
+        .collect();
+    let about = command.get_long_about().or(command.get_about()).map(ToString::to_string).unwrap_or_default();
+    command.long_about(format!("{about}\n\nFormats: {}.", formats.join(", ")))
 }
 
 impl Cli {
@@ -163,6 +178,15 @@ mod tests {
     #[test]
     fn the_definition_is_consistent() {
         command().debug_assert();
+    }
+
+    #[test]
+    fn help_lists_every_format() {
+        let mut definition = command();
+        let help = definition.find_subcommand_mut("ingest").unwrap().render_long_help().to_string();
+        for format in infos() {
+            assert_eq!(help.contains(format.title), format.available, "{}", format.name);
+        }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Recipes give the same bytes everywhere.
+//! Recipes give the same bytes on every machine.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ fn hash(volume: &hlacdb::volume::Volume) -> String {
     volume.content_hash()[..8].iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// One small texture of every family, under all nuisances too, against hashes that were once written down.
+/// One small texture of every family, plain and under all nuisances, compared with recorded hashes.
 #[test]
 fn every_family_has_its_golden_bytes() {
     let golden: BTreeMap<&str, &str> =
@@ -27,13 +27,13 @@ fn every_family_has_its_golden_bytes() {
     }
     for line in found.lines() {
         let (name, hashes) = line.split_once(' ').unwrap();
-        assert_eq!(golden.get(name), Some(&hashes), "{name}; all that was found:\n{found}");
+        assert_eq!(golden.get(name), Some(&hashes), "{name}; all hashes:\n{found}");
     }
     assert_eq!(golden.len(), FAMILIES.len());
 }
 
 #[test]
-fn specimens_are_made_alone_in_any_order() {
+fn specimens_can_be_computed_in_any_order() {
     let recipe = Recipe::builtin("paper600").unwrap();
     let (first, again) = (recipe.specimens(), Recipe::builtin("paper600").unwrap().specimens());
     for at in [599, 0, 301] {
@@ -42,7 +42,7 @@ fn specimens_are_made_alone_in_any_order() {
 }
 
 #[test]
-fn the_papers_set_is_what_the_paper_says() {
+fn the_papers_data_set_has_300_textures_of_each_class() {
     let recipe = Recipe::builtin("paper600").unwrap();
     let specimens = recipe.specimens();
     let of_class = |class: &str| specimens.iter().filter(|s| s.tags["class"] == class).count();
@@ -51,7 +51,7 @@ fn the_papers_set_is_what_the_paper_says() {
 }
 
 #[test]
-fn the_sets_hold_every_family() {
+fn the_built_in_data_sets_contain_every_family() {
     assert_eq!(builtin_names().collect::<Vec<_>>(), ["paper600", "families", "wide", "prior"]);
     for name in ["families", "wide", "prior"] {
         let recipe = Recipe::builtin(name).unwrap();
