@@ -69,7 +69,9 @@ fn of_hint(hint: Hint) -> String {
         Hint::ReopenStore => "run the command again",
         Hint::ListTextures => "`hlacdb list` shows the ids",
         Hint::ChooseSpace => "choose another space with --space",
-        Hint::RenameSpace => "choose another name, or remove that space with `hlacdb space remove`, unless it is built in",
+        Hint::RenameSpace => {
+            "choose another name, or remove that space with `hlacdb space remove`, unless it is built in"
+        }
         Hint::TagTextures => "tag textures with `hlacdb tag ID KEY=VALUE`, or name another tag with --label",
         Hint::ChooseLabel => "name another tag with --label, or add textures with other values",
         Hint::SmallerBlock => "use a smaller --block",

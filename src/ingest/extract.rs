@@ -11,7 +11,7 @@ use serde::{Serialize, Serializer};
 
 use crate::error::Error;
 use crate::hlac::{
-    self, ExtractError, Extraction, MASK_COUNT, MaskSpacing, MaskedSums, RegionSlabExtractor, SlabExtractor, Sums,
+    self, ExtractError, Extraction, MASK_COUNT, MaskSpacing, RegionSlabExtractor, RegionSums, SlabExtractor, Sums,
     Voxels,
 };
 use crate::progress::Progress;
@@ -370,7 +370,7 @@ impl Answer {
     }
 
     /// The sums within a region; `windows` counts those of the whole volume.
-    fn within(sums: &MaskedSums, windows: u64) -> Self {
+    fn within(sums: &RegionSums, windows: u64) -> Self {
         Self { windows, sums: sums.values, moments: sums.moments(), counts: Some(sums.windows) }
     }
 
