@@ -194,6 +194,6 @@ fn a_second_writer_is_refused_and_readers_continue() {
     let error = sandbox.fails(1, &["tag", "1", "a=b"]);
     assert!(error.contains("open for writing") && error.contains("--read-only"), "{error}");
     assert_eq!(sandbox.json(&["list"])["textures"].as_array().unwrap().len(), 8);
-    holder.tag(1, &[("a".into(), "b".into())], &[]).unwrap();
+    holder.tag(1, &hlacdb::TagEdit::new().set("a", "b")).unwrap();
     assert_eq!(sandbox.json(&["show", "1"])["tags"]["a"], "b", "readers follow the writer's commits");
 }
