@@ -6,7 +6,6 @@
 //!
 //! Run it in the source code of the release that introduced the version; it refuses to write another version.
 
-use hlacdb::store::FORMAT_VERSION;
 use hlacdb::volume::Volume;
 use hlacdb::{Database, Meta, ReindexOptions};
 
@@ -26,11 +25,12 @@ fn texture(n: usize) -> Volume {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let target = std::env::args().nth(1).ok_or("give the file to write")?;
-    if FORMAT_VERSION != VERSION {
-        return Err(format!("this makes stores of version {VERSION}, the library writes {FORMAT_VERSION}").into());
-    }
     let path = std::env::temp_dir().join(format!("hlacdb-fixture-{}", std::process::id()));
     let database = Database::open(&path)?;
+    let format = database.statistics()?.settings.format;
+    if format != VERSION {
+        return Err(format!("this makes stores of version {VERSION}, the library writes {format}").into());
+    }
     for n in 1..=6 {
         let meta = Meta::named(format!("texture {n}")).tag("parity", if n % 2 == 0 { "even" } else { "odd" });
         database.add(&texture(n), meta.path(format!("/scans/{n}.npy")))?;

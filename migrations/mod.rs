@@ -1,11 +1,11 @@
-//! Migrations: older stores made current, one hop per format version.
+//! Migrations: stores of older formats are brought to the current one, one hop per format version.
 //!
-//! Vocabulary: the *stamp* is the 32-byte header entry of a store, laid out alike in every version; a *hop* takes a store
-//! from one version to the next and rewrites data and stamp in one transaction, so that an interrupted migration is
-//! simply run again. The chain of hops is chosen here, never by the caller.
+//! Vocabulary: the *stamp* is the 32-byte header entry of a store, which has the same layout in every version; a *hop* takes
+//! a store from one version to the next. It rewrites data and stamp in one transaction, so that an interrupted migration
+//! can be run again. The chain of hops is chosen here, never by the caller.
 //!
-//! This room knows redb and its own old types only: a hop writes the layout of the version it leads to with code of its
-//! own, which never changes again, whatever the store's code becomes. Hops refuse odd data; they repair nothing.
+//! A hop writes the layout of the version it leads to with code and types of its own, which never change again. Hops reject
+//! invalid data; they repair nothing.
 
 mod error;
 mod stamp;
@@ -22,7 +22,7 @@ use redb::{Builder, ConcurrencyMode, Database, ReadableDatabase, WriteTransactio
 
 use stamp::Stamp;
 
-/// The version that the last hop leads to: what the store's code reads and writes.
+/// The version that the last hop leads to: the one that the store reads and writes.
 pub const CURRENT_VERSION: u32 = HOPS.len() as u32;
 
 /// One hop. The n-th leads from version n to n + 1.
@@ -36,34 +36,54 @@ const HOPS: &[Hop] = &[Hop { what: "items become framed records, rows and descri
 /// What [`migrate`] may do.
 #[derive(Clone, Debug, Default)]
 pub struct MigrateOptions {
-    /// Only tell which hops would be run; write nothing.
-    pub check_only: bool,
-    /// Copy the store to this path first, which must not exist.
-    pub backup: Option<PathBuf>,
+    check_only: bool,
+    backup: Option<PathBuf>,
 }
 
-/// What [`migrate`] did, or with `check_only` would do.
+impl MigrateOptions {
+    /// Migrates without a backup.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Whether to report only the hops that would be run, and write nothing.
+    #[must_use]
+    pub fn check_only(mut self, check_only: bool) -> Self {
+        self.check_only = check_only;
+        self
+    }
+
+    /// Copies the store to this path first, where nothing may exist.
+    #[must_use]
+    pub fn backup(mut self, path: impl Into<PathBuf>) -> Self {
+        self.backup = Some(path.into());
+        self
+    }
+}
+
+/// What [`migrate`] did, or would do with `check_only`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct MigrationReport {
+#[non_exhaustive]
+pub struct MigrateReport {
     /// The version that the store had.
     pub from: u32,
     /// The version that it has now.
     pub to: u32,
-    /// What each hop does, in order; empty where the store was current.
+    /// What each hop does, in order; empty if the store was current.
     pub hops: Vec<&'static str>,
     /// The backup that was written.
     pub backup: Option<PathBuf>,
 }
 
-/// Makes the store at `path` current. A store that is current already is left alone.
+/// Brings the store at `path` to the current format. A store that is current already is not changed.
 ///
 /// # Errors
-/// [`MigrationError`]; where a hop fails, the store is as it was before that hop.
-pub fn migrate(path: &Path, options: &MigrateOptions) -> Result<MigrationReport, MigrationError> {
+/// [`MigrationError`]; if a hop fails, the store is as it was before that hop.
+pub fn migrate(path: &Path, options: &MigrateOptions) -> Result<MigrateReport, MigrationError> {
     let from = version(path, options.check_only)?;
     let hops = HOPS.get(from as usize..).unwrap_or_default();
     let mut report =
-        MigrationReport { from, to: CURRENT_VERSION, hops: hops.iter().map(|hop| hop.what).collect(), backup: None };
+        MigrateReport { from, to: CURRENT_VERSION, hops: hops.iter().map(|hop| hop.what).collect(), backup: None };
     if options.check_only || hops.is_empty() {
         return Ok(report);
     }
@@ -76,7 +96,7 @@ pub fn migrate(path: &Path, options: &MigrateOptions) -> Result<MigrationReport,
     Ok(report)
 }
 
-/// As [`migrate`], on a backend of the caller's own. Tests of crashes do so.
+/// As [`migrate`], for a store on a storage backend: for tests of crashes.
 ///
 /// # Errors
 /// As [`migrate`].
@@ -92,15 +112,19 @@ pub fn migrate_with_backend(backend: impl redb::StorageBackend) -> Result<(), Mi
     run_hops(database, stamp.version)
 }
 
-/// Runs every hop from version `from` on, each a transaction, and closes the store.
+/// Runs every hop from version `from` on, each in a transaction, and closes the store.
 fn run_hops(database: Database, from: u32) -> Result<(), MigrationError> {
     for (number, hop) in (from..).zip(HOPS.get(from as usize..).unwrap_or_default()) {
         let mut transaction = database.begin_write().map_err(MigrationError::engine)?;
         transaction.set_quick_repair(true);
-        // The writer's lock is held since `open`; all the same the stamp is read where it is replaced.
+        // The lock has been held since `open`; the stamp is read again where it is replaced all the same.
         let stamp = stamp::read(&transaction)?;
         if stamp.version != number {
-            return Err(MigrationError::odd("meta", "format", format!("version {}, expected {number}", stamp.version)));
+            return Err(MigrationError::invalid(
+                "meta",
+                "format",
+                format!("version {}, expected {number}", stamp.version),
+            ));
         }
         (hop.run)(&transaction)?;
         stamp::write(&transaction, Stamp { version: number + 1, minimum_reader: number + 1, features: 0 })?;
@@ -117,7 +141,7 @@ fn version(path: &Path, check_only: bool) -> Result<u32, MigrationError> {
         let database = builder().open_read_only(path).map_err(|error| MigrationError::opening(path, error))?;
         stamp::read_committed(path, &database.begin_read().map_err(MigrationError::engine)?)?
     } else {
-        // For writing, so that a store that a crash left behind is recovered.
+        // For writing, so that a store that a crash has left is recovered.
         let database = open(path)?;
         stamp::read_committed(path, &database.begin_read().map_err(MigrationError::engine)?)?
     };
@@ -141,7 +165,7 @@ fn open(path: &Path) -> Result<Database, MigrationError> {
         .map_err(|error| MigrationError::opening(path, error))
 }
 
-/// Refuses what does not begin as the engine's files do: opening it for writing might initialise it.
+/// Rejects a file that does not begin as those of the engine do: opening it for writing might initialise it.
 fn check_magic(path: &Path) -> Result<(), MigrationError> {
     let io = |source| MigrationError::Io { doing: "opening", path: path.into(), source };
     let mut head = Vec::new();
@@ -154,7 +178,7 @@ fn check_magic(path: &Path) -> Result<(), MigrationError> {
     }
 }
 
-/// Copies the store while the writer's lock is held, and opens the copy once, so that it is known to be whole.
+/// Copies the store while the lock is held, and opens the copy once to check that it is complete.
 fn back_up(path: &Path, backup: &Path) -> Result<(), MigrationError> {
     let io = |source| MigrationError::Io { doing: "writing the backup", path: backup.into(), source };
     let mut from = File::open(path).map_err(io)?;

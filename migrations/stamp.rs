@@ -1,4 +1,4 @@
-//! The stamp: 32 bytes under `format` in the table `meta`, laid out alike in every version.
+//! The stamp: 32 bytes under `format` in the table `meta`, with the same layout in every version.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ const META: TableDefinition<&[u8], &[u8]> = TableDefinition::new("meta");
 const KEY: &[u8] = b"format";
 const MAGIC: &[u8; 8] = b"hlacdb\r\n";
 
-/// What a store says of its format.
+/// The format that a store declares.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Stamp {
     pub(super) version: u32,
@@ -51,19 +51,19 @@ pub(super) fn read_committed(path: &Path, transaction: &ReadTransaction) -> Resu
     Stamp::decode(value.value()).ok_or_else(damaged)
 }
 
-/// The stamp inside a hop.
+/// The stamp as a hop sees it.
 pub(super) fn read(transaction: &WriteTransaction) -> Result<Stamp, MigrationError> {
     let table = transaction.open_table(META).map_err(MigrationError::engine)?;
     let value = ReadableTable::get(&table, KEY).map_err(MigrationError::engine)?;
     value.and_then(|value| Stamp::decode(value.value())).ok_or_else(damaged)
 }
 
-/// Writes the stamp inside a hop.
+/// Writes the stamp in a hop.
 pub(super) fn write(transaction: &WriteTransaction, stamp: Stamp) -> Result<(), MigrationError> {
     let mut table = transaction.open_table(META).map_err(MigrationError::engine)?;
     table.insert(KEY, &stamp.encode()[..]).map(drop).map_err(MigrationError::engine)
 }
 
 fn damaged() -> MigrationError {
-    MigrationError::odd("meta", "format", "the stamp is damaged")
+    MigrationError::invalid("meta", "format", "the stamp is damaged")
 }

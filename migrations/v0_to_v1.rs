@@ -1,6 +1,6 @@
 //! Version 0 to 1: bare items become framed records, rows and descriptor blocks.
 //!
-//! docs/format.md describes both layouts. Version 1 is written by code of this hop's own, frozen with it.
+//! docs/format.md describes both layouts. The code that writes version 1 belongs to this hop and is frozen with it.
 
 use std::collections::BTreeMap;
 
@@ -45,7 +45,7 @@ struct Item {
     moments: Vec<f32>,
 }
 
-/// A record of version 1, as far as version 0 can fill it.
+/// A record of version 1 with the fields that version 0 has.
 #[derive(Serialize)]
 struct Record {
     name: String,
@@ -58,7 +58,7 @@ struct Record {
     has_sums: bool,
 }
 
-/// Rows that are gathered until their block is full.
+/// Rows that are collected until their block is full.
 #[derive(Default)]
 struct Blocks {
     rows: u64,
@@ -75,10 +75,10 @@ pub(super) fn run(transaction: &WriteTransaction) -> Result<(), MigrationError> 
         for entry in items.iter().map_err(MigrationError::engine)? {
             let (key, value) = entry.map_err(MigrationError::engine)?;
             let id = key.value();
-            let odd = |what: String| MigrationError::odd("items", format!("id {id}"), what);
-            let item = decode(value.value()).map_err(odd)?;
+            let invalid = |what: String| MigrationError::invalid("items", format!("id {id}"), what);
+            let item = decode(value.value()).map_err(invalid)?;
             if id == 0 || id == u64::MAX {
-                return Err(odd("ids start at 1".into()));
+                return Err(invalid("ids start at 1".into()));
             }
             next_id = id + 1;
             blocks.push(transaction, id, &item.moments)?;
@@ -107,7 +107,7 @@ fn create_tables(transaction: &WriteTransaction) -> Result<(), redb::TableError>
     Ok(())
 }
 
-/// The item, or what version 0 does not allow in it.
+/// Decodes an item; the error says what version 0 does not allow in it.
 fn decode(bytes: &[u8]) -> Result<Item, String> {
     let (item, used): (Item, usize) = bincode::serde::decode_from_slice(bytes, bincode_v1())
         .map_err(|error| format!("the item cannot be decoded: {error}"))?;
@@ -118,14 +118,14 @@ fn decode(bytes: &[u8]) -> Result<Item, String> {
         return Err(format!("{} moments, expected {MASKS} finite ones", item.moments.len()));
     }
     if item.channels != 1 && item.channels != 3 || item.shape.iter().any(|&side| side < 3) {
-        return Err(format!("shape {:?} with {} channels is no volume", item.shape, item.channels));
+        return Err(format!("shape {:?} with {} channels is not a volume", item.shape, item.channels));
     }
     for (number, (key, value)) in item.tags.iter().enumerate() {
         if !(1..=255).contains(&key.len()) || value.len() > 4096 || key.contains('\0') || value.contains('\0') {
             return Err(format!("the tag {} is malformed", key.escape_debug()));
         }
         if item.tags.iter().take(number).any(|(other, _)| other == key) {
-            return Err(format!("the tag {} is there twice", key.escape_debug()));
+            return Err(format!("the tag {} is given twice", key.escape_debug()));
         }
     }
     Ok(item)
@@ -141,7 +141,7 @@ fn insert(transaction: &WriteTransaction, id: u64, item: Item) -> Result<(), Mig
         *byte = from;
     }
     if table.insert(&hash, &value).map_err(MigrationError::engine)?.is_some() {
-        return Err(MigrationError::odd("items", format!("id {id}"), "two items have the same hash"));
+        return Err(MigrationError::invalid("items", format!("id {id}"), "two items have the same hash"));
     }
     let mut table = transaction.open_table(TAGS).map_err(MigrationError::engine)?;
     for (tag, text) in &tags {
@@ -232,7 +232,7 @@ fn put_meta<T: Serialize>(
 
 fn encode<T: Serialize>(record: &T) -> Result<Vec<u8>, MigrationError> {
     bincode::serde::encode_to_vec(record, bincode_v1())
-        .map_err(|error| MigrationError::odd("items", "", format!("a record cannot be encoded: {error}")))
+        .map_err(|error| MigrationError::invalid("items", "", format!("a record cannot be encoded: {error}")))
 }
 
 /// Kind, version 1, two zeros, length, XXH3-64 of these 8 bytes, key and payload; then the payload.

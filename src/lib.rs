@@ -26,7 +26,6 @@
 //! | [`hlac`] | voxels | exact sums, moments |
 //! | [`space`] | moments | points |
 //! | [`index`] | points | neighbours |
-//! | [`store`] | records | bytes on disk |
 //! | [`synth`] | recipes | voxels |
 //! | [`Database`], [`ingest`], [`Query`], [`eval`] | all of them | answers |
 //! | `render` | volumes, answers | pictures |
@@ -40,15 +39,18 @@ pub mod eval;
 pub mod index;
 pub mod ingest;
 mod isolated;
+// Tests reach this room and the store through `internals`; otherwise some of what they offer is unused.
+#[cfg_attr(not(feature = "unstable-internals"), allow(dead_code, unreachable_pub))]
 #[path = "../migrations/mod.rs"]
-pub mod migrations;
+mod migrations;
 mod progress;
 #[cfg(feature = "render")]
 pub mod render;
 #[cfg(feature = "serve")]
 pub mod serve;
 pub mod space;
-pub mod store;
+#[cfg_attr(not(feature = "unstable-internals"), allow(dead_code, unreachable_pub, unused_imports))]
+mod store;
 pub mod synth;
 mod tags;
 mod texture_id;
@@ -62,18 +64,37 @@ struct Readme;
 #[doc(hidden)]
 pub use database::fuzz_list;
 pub use database::{
-    Added, Answer, AxisReport, BackupReport, BlockOf, Catalogue, Combine, CompactReport, ContentHash, DEFAULT_SPACE,
-    DUPLICATE_DISTANCE, DamageReport, Database, DriftReport, ExportReport, Hit, ImportReport, Listed, Meta,
-    MomentStatistics, NearPair, NuisanceUpdate, OpenOptions, Order, PairExplanation, Prepared, Quarantined, Query,
-    ReindexOptions, ReindexReport, RepairOptions, RepairReport, Selection, SettingsReport, SpaceReport,
-    StatisticsReport, TagValues, Texture, TextureMap, TexturePoint, TexturesExportReport, TexturesImportReport,
-    UnknownCombine, VerifyReport, arrays,
+    Added, Answer, AxisReport, BackupReport, BlockOf, Catalogue, Combine, ContentHash, DEFAULT_SPACE,
+    DUPLICATE_DISTANCE, Database, DriftReport, ExportReport, Hit, ImportReport, Listed, Meta, MomentStatistics,
+    NearPair, NuisanceUpdate, OpenOptions, Order, PairExplanation, Prepared, Quarantined, Query, ReindexOptions,
+    ReindexReport, RepairOptions, RepairReport, Selection, SettingsReport, SpaceReport, StatisticsReport, TagValues,
+    Texture, TextureMap, TexturePoint, TexturesExportReport, TexturesImportReport, UnknownCombine, VerifyReport,
+    arrays,
 };
 pub use describe::{describe, octant_sums};
 pub use error::{Error, ExampleKind, ExchangeError, Hint, IngestError, MaintenanceError, QueryError, chain};
 pub use hlac;
 pub use hlacdb_volume as volume;
+pub use migrations::{MigrateOptions, MigrateReport, MigrationError};
 pub use progress::Progress;
-pub use store::{OpenError, StoreError};
+#[cfg(feature = "fuzz")]
+#[doc(hidden)]
+pub use store::fuzz::values as fuzz_values;
+pub use store::{
+    CompactReport, Cut, Damage, DamageKey, OpenError, Provenance, RecordedMapping, StoreError, TableSize, Volumes,
+    panic_is_contained,
+};
 pub use tags::{ParseTagFilterError, TagEdit, TagFilter};
 pub use texture_id::TextureId;
+
+/// What the tests and benches of this repository reach inside the library. Anything in it may change at any time.
+#[cfg(feature = "unstable-internals")]
+#[doc(hidden)]
+pub mod internals {
+    pub mod migrations {
+        pub use crate::migrations::*;
+    }
+    pub mod store {
+        pub use crate::store::*;
+    }
+}

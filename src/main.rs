@@ -26,7 +26,7 @@ fn main() -> ExitCode {
         Err(error) => error.exit(),
     };
     start_log(arguments.verbose, arguments.quiet);
-    log_contained_panics();
+    log_panics();
     tracing::info!(kernel = kernel.name(), store = %arguments.store.display(), "hlacdb {}", env!("CARGO_PKG_VERSION"));
     start_threads();
     let mut context = Context::new(arguments.store.clone(), arguments.json, arguments.quiet);
@@ -34,12 +34,15 @@ fn main() -> ExitCode {
     ExitCode::from(context.finish(result))
 }
 
-/// Sends panics of the storage engine on damaged files to the log. The store reports them as damage.
-fn log_contained_panics() {
-    let default = std::panic::take_hook();
-    std::panic::set_hook(Box::new(move |panic| match hlacdb::store::panic_is_contained() {
-        true => tracing::debug!("contained: {panic}"),
-        false => default(panic),
+/// Logs panics. A panic of the storage engine on a damaged page is reported as damage in one sentence, so its own message is
+/// for debugging only. Any other panic is a bug, logged with its backtrace.
+fn log_panics() {
+    std::panic::set_hook(Box::new(|panic| match hlacdb::panic_is_contained() {
+        true => tracing::debug!("the storage engine {panic}"),
+        false => {
+            let backtrace = std::backtrace::Backtrace::force_capture();
+            tracing::error!("internal error, please report it: {panic}\n{backtrace}");
+        }
     }));
 }
 

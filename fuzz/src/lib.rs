@@ -160,7 +160,7 @@ pub fn slices(data: &[u8]) {
 
 /// Values of a store: frames, records, rows, descriptors, points, sums, keys.
 pub fn values(data: &[u8]) {
-    hlacdb::store::fuzz::values(data);
+    hlacdb::fuzz_values(data);
 }
 
 /// Statistics at rest.

@@ -42,7 +42,7 @@ pub use inspect::statistics::{
 };
 pub use maintain::backup::BackupReport;
 pub use maintain::repair::{RepairOptions, RepairReport};
-pub use maintain::verify::{CompactReport, DamageReport, VerifyReport};
+pub use maintain::verify::VerifyReport;
 pub use open::OpenOptions;
 pub use points::loading::TexturePoint;
 pub use quarantine::Quarantined;

@@ -10,7 +10,7 @@ use super::points::live::LiveSpaces;
 use super::points::statistics_cache::StatisticsCache;
 use crate::error::Error;
 use crate::hlac::View;
-use crate::store::{OpenError, Options, Settings, Store, ViewCode, Volumes};
+use crate::store::{OpenError, Settings, Store, StoreOptions, ViewCode, Volumes};
 
 /// How a database is opened, and what a new store is made for.
 ///
@@ -42,7 +42,7 @@ impl OpenOptions {
     /// ```
     /// assert_eq!(hlacdb::OpenOptions::DEFAULT_CACHE_BYTES, 256 << 20);
     /// ```
-    pub const DEFAULT_CACHE_BYTES: usize = Options::DEFAULT_CACHE_BYTES;
+    pub const DEFAULT_CACHE_BYTES: usize = StoreOptions::DEFAULT_CACHE_BYTES;
 
     /// For reading and writing; a store is made where there is none, with the default views and with voxels.
     pub fn new() -> Self {
@@ -103,10 +103,12 @@ impl OpenOptions {
         Ok(Self::database(path, store))
     }
 
-    /// Opens the store on a backend of the caller's own, or makes one where the backend is empty. Tests of crashes do so.
+    /// Opens the store on a storage backend, or creates one if the backend is empty: for tests of crashes.
     ///
     /// # Errors
     /// As [`OpenOptions::open`].
+    #[cfg(feature = "unstable-internals")]
+    #[doc(hidden)]
     pub fn open_with_backend(&self, backend: impl redb::StorageBackend) -> Result<Database, Error> {
         let empty = backend.len().map_err(|source| Error::io("looking at the backend", source))? == 0;
         let options = self.store_options();
@@ -117,8 +119,8 @@ impl OpenOptions {
         Ok(Self::database(Path::new("(backend)"), store))
     }
 
-    fn store_options(&self) -> Options {
-        Options::default().cache_bytes(self.cache_bytes)
+    fn store_options(&self) -> StoreOptions {
+        StoreOptions::default().cache_bytes(self.cache_bytes)
     }
 
     fn database(path: &Path, store: Store) -> Database {

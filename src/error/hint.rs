@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::{Error, ExchangeError, IngestError, MaintenanceError, QueryError};
+use crate::migrations::MigrationError;
 use crate::space::SpaceError;
 use crate::store::{OpenError, StoreError};
 use crate::volume::Hint as ReadHint;
@@ -158,9 +159,20 @@ fn of_exchange(error: &ExchangeError) -> Option<Hint> {
 fn of_maintenance(error: &MaintenanceError) -> Option<Hint> {
     Some(match error {
         MaintenanceError::BeyondRepair { .. } => Hint::RestoreBackup,
+        MaintenanceError::Migration(error) => return of_migration(error),
         MaintenanceError::NoVoxels => Hint::KeepVoxels,
         MaintenanceError::SpaceExists { .. } => Hint::RenameSpace,
         MaintenanceError::NotUserDefined { .. } | MaintenanceError::ViewsNotStored { .. } => return None,
+    })
+}
+
+fn of_migration(error: &MigrationError) -> Option<Hint> {
+    Some(match error {
+        MigrationError::NotAStore { .. } => Hint::ChooseAnotherPath,
+        MigrationError::Newer { .. } => Hint::UpgradeHlacdb,
+        MigrationError::HeldByWriter { .. } => Hint::WaitForWriter,
+        MigrationError::NeedsRepair { .. } => Hint::MigrateStore,
+        MigrationError::Io { .. } | MigrationError::Invalid { .. } | MigrationError::Engine { .. } => return None,
     })
 }
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::query::names;
 use crate::hlac::View;
+use crate::migrations::MigrationError;
 use crate::store::StoreError;
 use crate::volume::display_path;
 
@@ -20,6 +21,9 @@ pub enum MaintenanceError {
         #[source]
         source: StoreError,
     },
+    /// The store was not migrated.
+    #[error(transparent)]
+    Migration(#[from] MigrationError),
     /// No texture has its voxels stored, which are needed to estimate the effect of nuisances.
     #[error("the effect of nuisances is estimated from voxels, but the store has none")]
     NoVoxels,
@@ -55,6 +59,7 @@ impl MaintenanceError {
                 *path = shown(path);
                 source.map_path(shown);
             }
+            Self::Migration(error) => error.map_path(shown),
             Self::NoVoxels | Self::SpaceExists { .. } | Self::NotUserDefined { .. } | Self::ViewsNotStored { .. } => {}
         }
     }

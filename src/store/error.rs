@@ -1,77 +1,67 @@
-//! [`StoreError`]: what can go wrong with an open store. [`OpenError`] is about opening one.
+//! [`StoreError`]: why an operation of an open store failed. [`OpenError`] is about opening one.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use super::open_error::OpenError;
+use crate::store::damage::{Damage, DamageKey, FILE};
+use crate::store::open_error::OpenError;
 
-/// A value that is not what was written: named by table and key, so that it can be contained and repaired.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
-#[error("damage in table {table}{}{key}: {what}", if key.is_empty() { "" } else { " at " })]
-pub struct Damage {
-    /// The table, as docs/format.md names it.
-    pub table: &'static str,
-    /// The key, readable: `id 7`, `view 3, block 12`; empty where the table as a whole is meant.
-    pub key: String,
-    /// What was found and what was expected.
-    pub what: String,
-}
-
-/// Why the store cannot do what was asked. `Display` is one sentence; [`source`](Error::source) gives the causes below it.
+/// Why an operation of the store failed. `Display` states the fact in one sentence, and [`source`](Error::source) gives the
+/// causes below it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {
     /// The file cannot be opened or created.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// The handle was opened for reading only.
-    #[error("the store was opened for reading only")]
+    /// The handle is read-only.
+    #[error("the store is open read-only")]
     ReadOnly,
-    /// The whole file is to be rewritten while somebody still reads an older state.
-    #[error("{doing} needs exclusive access to the store, but a snapshot or transaction is still open")]
+    /// The operation requires exclusive access, but an older state is still being read.
+    #[error("{doing} requires exclusive access to the store, but a snapshot or transaction is still open")]
     Busy {
-        /// What was to be done.
+        /// The operation.
         doing: &'static str,
     },
-    /// A value is not what was written.
+    /// A stored value is not what was written.
     #[error("{0}")]
     Damage(Damage),
     /// No texture has this id.
     #[error("there is no texture with id {id}")]
     NoSuchTexture {
-        /// The id that was asked for.
+        /// The requested id.
         id: u64,
     },
-    /// The content is in the store already.
-    #[error("texture {id} has the same content")]
+    /// The store already has a texture with the same content.
+    #[error("the same content is already stored as texture {id}")]
     Duplicate {
-        /// The texture that has it.
+        /// The texture that has the content.
         id: u64,
     },
-    /// The caller gave a value that cannot be stored.
+    /// The caller passed a value that cannot be stored.
     #[error("{what}")]
     Invalid {
-        /// A sentence: what was given and what is expected.
+        /// A sentence: what was passed, what is expected.
         what: String,
     },
-    /// An earlier operation of this transaction failed, so that it can only be dropped.
+    /// An operation of this transaction failed half-way, so that it cannot be committed.
     #[error("an earlier operation of this transaction failed, so it cannot be committed")]
     Broken,
-    /// An earlier write or commit failed. What is on disk is whole, but this handle accepts no more changes.
+    /// A commit or write failed earlier. The file is intact, but this handle accepts no more changes.
     #[error("an earlier write to the store failed, so this handle accepts no more changes")]
     Poisoned,
-    /// The caller's progress function cancelled the operation.
+    /// The caller cancelled the operation.
     #[error("{doing} was cancelled")]
     Cancelled {
-        /// What was cancelled.
+        /// The operation.
         doing: &'static str,
     },
     /// The storage engine failed.
     #[error("{doing} failed")]
     Engine {
-        /// What was being done.
+        /// The operation.
         doing: &'static str,
-        /// The engine's own words.
+        /// The error of the engine.
         #[source]
         source: Box<dyn Error + Send + Sync>,
     },
@@ -83,19 +73,12 @@ impl From<Damage> for StoreError {
     }
 }
 
-impl Damage {
-    /// The texture that is hit, where the damage is of one.
-    pub fn texture(&self) -> Option<u64> {
-        self.key.strip_prefix("id ")?.split(',').next()?.parse().ok()
-    }
-}
-
 impl StoreError {
-    /// Replaces the path, where there is one, by `shown(path)`.
+    /// Replaces the path, if the error has one, by `shown(path)`.
     pub(crate) fn map_path(&mut self, shown: &dyn Fn(&Path) -> PathBuf) {
         match self {
             Self::Open(error) => error.map_path(shown),
-            // Without paths. No wildcard: a new variant says here whether it has one.
+            // Without paths. No wildcard: a new variant must say here whether it has one.
             Self::ReadOnly
             | Self::Busy { .. }
             | Self::Damage(_)
@@ -113,28 +96,18 @@ impl StoreError {
         Self::Invalid { what: what.into() }
     }
 
-    pub(in crate::store) fn damage(table: &'static str, key: impl Into<String>, what: impl Into<String>) -> Self {
-        Self::Damage(Damage { table, key: key.into(), what: what.into() })
+    pub(in crate::store) fn damage(table: &'static str, key: DamageKey, what: impl Into<String>) -> Self {
+        Damage::new(table, key, what).into()
     }
 
-    /// The error of the engine while `doing` something; what it knows as damage or as a dead handle is told as such.
-    pub(in crate::store) fn engine(doing: &'static str, error: impl Into<redb::Error>) -> Self {
+    /// The error of the engine while `doing` something to `table`. Damage and a dead handle get variants of their own.
+    pub(in crate::store) fn engine(table: &'static str, doing: &'static str, error: impl Into<redb::Error>) -> Self {
         match error.into() {
             redb::Error::PreviousIo | redb::Error::DatabaseClosed => Self::Poisoned,
-            redb::Error::Corrupted(what) => Self::damage("(pages)", "", format!("{what} (while {doing})")),
-            redb::Error::TableDoesNotExist(name) => Self::damage("(tables)", name, "the table is missing"),
+            redb::Error::Corrupted(what) => Self::damage(table, DamageKey::Pages, format!("{what} (while {doing})")),
+            redb::Error::TableDoesNotExist(name) => Self::damage(FILE, DamageKey::Name(name), "the table is missing"),
             redb::Error::TransactionInProgress => Self::Busy { doing },
             other => Self::Engine { doing, source: Box::new(other) },
         }
     }
-
-    /// For `map_err`: [`StoreError::engine`] while `doing` something.
-    pub(in crate::store) fn when<E: Into<redb::Error>>(doing: &'static str) -> impl Fn(E) -> Self {
-        move |error| Self::engine(doing, error)
-    }
-}
-
-/// A path on one line, control characters escaped.
-pub(in crate::store) fn show(path: &Path) -> String {
-    path.display().to_string().escape_debug().to_string()
 }

@@ -12,7 +12,7 @@
 //! | `upkeep/` | work over the whole file: verify, compact, copy, salvage, sizes |
 //! | `os/` | the engine's panics, the process that holds the lock, file names |
 //!
-//! Imports go one way: `error` and `os` are lowest, then `format`, `access` and `upkeep`.
+//! Imports go one way: `damage`, `error` and `os` are lowest, then `format`, `access` and `upkeep`.
 //!
 //! Vocabulary: a *record* is what is known of a texture apart from its numbers; a *row* is a texture's place in the
 //! *descriptor blocks* (moments, per view) and *point blocks* (coordinates, per space); a *tombstone* is the row of a
@@ -25,6 +25,7 @@
 //! The store does not know what a view, a statistic or a space means, and finds nothing by likeness.
 
 mod access;
+mod damage;
 mod error;
 mod format;
 #[cfg(feature = "fuzz")]
@@ -32,14 +33,15 @@ mod format;
 pub mod fuzz;
 mod open_error;
 mod os;
-mod progress;
 mod upkeep;
 
-pub use access::handle::{Options, Store};
+pub use access::handle::Store;
+pub use access::open::StoreOptions;
 pub use access::reads::{Counts, Reads, Records};
 pub use access::snapshot::Snapshot;
 pub use access::transaction::{NewTexture, Transaction};
-pub use error::{Damage, StoreError};
+pub use damage::{Damage, DamageKey};
+pub use error::StoreError;
 pub use format::descriptors::{DESCRIPTOR_ROWS, DescriptorBlock, ViewCode};
 pub use format::header::{FORMAT_VERSION, Settings, Volumes};
 pub use format::keys::{MAX_NAME, MAX_TAG_VALUE};
@@ -51,9 +53,8 @@ pub use format::rows::Rows;
 pub use format::voxels::CompressedVoxels;
 pub use open_error::OpenError;
 pub use os::panic_boundary::panic_is_contained;
-pub use progress::{Progress, Report, silent};
 pub use upkeep::compact::CompactReport;
-pub use upkeep::copy::Copied;
-pub use upkeep::salvage::{Salvaged, SalvagedSettings};
+pub use upkeep::copy::CopyReport;
+pub use upkeep::salvage::{SalvageReport, SalvagedSettings};
 pub use upkeep::sizes::TableSize;
-pub use upkeep::verify::{DeepCheck, VerifyReport};
+pub use upkeep::verify::{CheckReport, DeepCheck};

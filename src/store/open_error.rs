@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::error::{Damage, show};
+use crate::store::damage::Damage;
 
 /// Why a store cannot be opened or created.
 #[derive(Debug, thiserror::Error)]
@@ -74,13 +74,13 @@ pub enum OpenError {
     #[error(
         "the store {} is open for writing elsewhere{}",
         show(path),
-        holder.map_or_else(String::new, |id| format!(" (process {id})"))
+        owner.map_or_else(String::new, |id| format!(" (process {id})"))
     )]
     HeldByWriter {
         /// The store.
         path: PathBuf,
-        /// The process, where the system tells.
-        holder: Option<u32>,
+        /// The id of the process that holds the lock, if the system tells.
+        owner: Option<u32>,
     },
     /// The last writer did not close the store, so it must be opened for writing once before it can be read.
     #[error("the store {} was not closed properly and must be recovered before it can be read", show(path))]
@@ -94,8 +94,8 @@ pub enum OpenError {
         /// The store.
         path: PathBuf,
     },
-    /// The file is damaged or cut short.
-    #[error("the store {} is damaged or cut short ({damage})", show(path))]
+    /// The file is damaged or truncated.
+    #[error("the store {} is damaged or truncated ({damage})", show(path))]
     DamagedFile {
         /// The store.
         path: PathBuf,
@@ -121,4 +121,9 @@ impl OpenError {
             | Self::DamagedFile { path, .. } => *path = shown(path),
         }
     }
+}
+
+/// A path on one line, control characters escaped.
+fn show(path: &Path) -> String {
+    path.display().to_string().escape_debug().to_string()
 }

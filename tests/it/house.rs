@@ -22,7 +22,7 @@ const ROOMS: &[(&str, &str, &[&str])] = &[
     ("space", "src/space/", &["volume", "hlac", "describe"]),
     ("index", "src/index/", &["space"]),
     ("migrations", "migrations/", &[]),
-    ("store", "src/store/", &["volume", "hlac", "migrations"]),
+    ("store", "src/store/", &["volume", "hlac", "progress"]),
     ("synth", "src/synth/", &["volume"]),
     ("error", "src/error.rs", &["volume", "hlac", "space", "index", "store", "synth", "migrations"]),
     ("database", "src/database/", &["volume", "hlac", "progress", "describe", "space", "index", "migrations", "store", "error"]),

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod api;
+mod disk;
 mod house;
 mod index;
 mod model;
@@ -21,4 +22,5 @@ mod store;
 mod supply;
 mod support;
 mod synth;
+mod tables;
 mod trust;

@@ -1,8 +1,8 @@
 //! Spaces of the user's own, and nuisances that the user declares.
 
+use hlacdb::Volumes;
 use hlacdb::hlac::View;
 use hlacdb::space::{Definition, FeatureForm, FeatureSet, SpaceKind};
-use hlacdb::store::Volumes;
 use hlacdb::synth;
 use hlacdb::{Database, Error, MaintenanceError, Meta, OpenOptions, Query, QueryError, ReindexOptions};
 

@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use hlacdb::Volumes;
 use hlacdb::hlac::{MASK_COUNT, View};
 use hlacdb::index::IndexMethod;
-use hlacdb::store::Volumes;
 use hlacdb::{Answer, Combine, Database, Error, ExchangeError, OpenOptions, Query, QueryError, TagEdit, arrays};
 use proptest::prelude::*;
 

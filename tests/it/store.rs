@@ -5,16 +5,18 @@ mod faults;
 pub(crate) mod migrate;
 mod model;
 
-use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::sync::Mutex;
 
 use hlacdb::hlac::MASK_COUNT;
-use hlacdb::store::{
-    CompressedVoxels, Damage, NewTexture, OpenError, Progress, Reads, Record, Settings, Snapshot, Store, StoreError,
-    ViewCode, Volumes, silent,
+use hlacdb::internals::store::{
+    CompressedVoxels, Damage, DamageKey, NewTexture, OpenError, Reads, Record, Settings, Snapshot, Store, StoreError,
+    ViewCode, Volumes,
 };
 use hlacdb::volume::Volume;
 use tempfile::TempDir;
+
+use crate::support::noise;
 
 /// A store in a folder that goes with it.
 pub(crate) struct Scratch {
@@ -45,17 +47,6 @@ pub(crate) fn settings() -> Settings {
     Settings { views: vec![ViewCode(0), ViewCode(3)], volumes: Volumes::Keep, further }
 }
 
-/// Numbers that look random and depend on `seed` alone.
-pub(crate) fn noise(seed: u64) -> impl FnMut() -> u64 {
-    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-    move || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        state >> 16
-    }
-}
-
 pub(crate) fn moments(seed: u64) -> [f32; MASK_COUNT] {
     let mut next = noise(seed);
     [(); MASK_COUNT].map(|()| (next() % (1 << 24)) as f32 / (1 << 24) as f32)
@@ -67,6 +58,34 @@ pub(crate) fn volume(seed: u64) -> Volume {
     let channels = if next().is_multiple_of(4) { 3 } else { 1 };
     let voxels = (0..shape.iter().product::<usize>() * channels).map(|_| next() as u8).collect();
     Volume::new(shape, channels, voxels).unwrap()
+}
+
+/// Progress that records the stages.
+#[derive(Default)]
+struct Stages(Mutex<Vec<String>>);
+
+impl hlacdb::Progress for Stages {
+    fn begin(&self, stage: &str, _: Option<u64>) {
+        self.0.lock().unwrap().push(stage.to_owned());
+    }
+}
+
+/// Progress that cancels at once.
+struct Stop;
+
+impl hlacdb::Progress for Stop {
+    fn cancelled(&self) -> bool {
+        true
+    }
+}
+
+/// Progress whose first call panics, as a bug in the caller's code does.
+struct Bug;
+
+impl hlacdb::Progress for Bug {
+    fn begin(&self, _: &str, _: Option<u64>) {
+        panic!("a bug in a progress callback");
+    }
 }
 
 /// A texture with everything.
@@ -103,7 +122,7 @@ fn what_goes_in_comes_out() {
     let record = state.record(2).unwrap().unwrap();
     assert_eq!(record.name, "texture 2");
     #[cfg(unix)]
-    assert_eq!(hlacdb::store::path_bytes(&record.path().unwrap()), record.path.clone().unwrap());
+    assert_eq!(hlacdb::internals::store::path_bytes(&record.path().unwrap()), record.path.clone().unwrap());
     assert_eq!(state.voxels(2).unwrap().unwrap(), volume(2));
     assert_eq!(state.sums(2).unwrap().unwrap(), hlacdb::octant_sums(&volume(2)).total());
     assert_eq!(state.descriptor(2, ViewCode(3)).unwrap().unwrap(), moments(1_000_002));
@@ -115,7 +134,7 @@ fn what_goes_in_comes_out() {
     assert_eq!(state.space("default").unwrap().unwrap(), b"fitted");
     assert_eq!(state.described_views().unwrap(), [ViewCode(0), ViewCode(3)]);
     assert!(state.sizes().unwrap()["chunks"].stored > 0);
-    assert!(state.verify(Some(&|_, _, _| Vec::new()), &mut silent).unwrap().is_ok());
+    assert!(state.verify(Some(&|_, _, _| Vec::new()), &()).unwrap().is_ok());
 }
 
 #[test]
@@ -131,18 +150,15 @@ fn a_deep_check_sees_every_volume_and_its_findings_are_reported() {
     let deep = |state: &Snapshot, record: &Record, seen: &Volume| {
         assert_eq!(seen, &volume(record.id));
         let same = state.sums(record.id).unwrap().unwrap() == hlacdb::octant_sums(seen).total() && record.id != 4;
-        let damage = Damage { table: "sums", key: format!("id {}", record.id), what: "other sums".into() };
+        let damage = Damage::new("sums", DamageKey::Texture(record.id), "other sums");
         if same { Vec::new() } else { vec![damage] }
     };
-    let mut phases = Vec::new();
-    let mut listen = |progress: Progress| {
-        phases.push(progress.phase);
-        ControlFlow::Continue(())
-    };
-    let report = store.read().unwrap().verify(Some(&deep), &mut listen).unwrap();
+    let stages = Stages::default();
+    let report = store.read().unwrap().verify(Some(&deep), &stages).unwrap();
     assert_eq!((report.checked["volumes"], report.checked["textures"], report.is_ok()), (5, 6, false));
     assert_eq!(report.damage[0].to_string(), "damage in table sums at id 4: other sums");
-    assert!(phases.contains(&"checking volumes") && phases.contains(&"checking records"));
+    let stages = stages.0.into_inner().unwrap();
+    assert!(["checking records", "checking volumes"].iter().all(|stage| stages.iter().any(|one| one == stage)));
 }
 
 #[test]
@@ -181,7 +197,7 @@ fn what_cannot_be_stored_is_refused_and_leaves_nothing() {
         with(&|new| drop(new.tags.insert("a\0b".into(), String::new()))),
         with(&|new| drop(new.tags.insert(String::new(), String::new()))),
         with(&|new| drop(new.tags.insert("k".into(), "v".repeat(5000)))),
-        with(&|new| new.content = Some(hlacdb::store::Content::of(&volume(3)))),
+        with(&|new| new.content = Some(hlacdb::internals::store::Content::of(&volume(3)))),
     ];
     for new in bad {
         assert!(matches!(transaction.add(new), Err(StoreError::Invalid { .. })));
@@ -197,7 +213,7 @@ fn what_cannot_be_stored_is_refused_and_leaves_nothing() {
     transaction.append_points("default", &[&[0.0; 2], &[0.0; 1]]).unwrap();
     transaction.commit().unwrap();
     assert_eq!(store.read().unwrap().counts().textures, 1);
-    assert!(store.read().unwrap().verify(None, &mut silent).unwrap().is_ok());
+    assert!(store.read().unwrap().verify(None, &()).unwrap().is_ok());
 }
 
 /// Regression: the entry of a tag begins as a key with a NUL in it does, and was taken for its own.
@@ -266,7 +282,7 @@ fn one_writes_others_read_and_follow() {
     assert!(matches!(error, StoreError::Open(OpenError::HeldByWriter { .. })), "{error}");
     let reader = Store::open_read_only(scratch.path()).unwrap();
     assert!(reader.is_read_only() && matches!(reader.write(), Err(StoreError::ReadOnly)));
-    assert!(matches!(reader.compact(&mut silent), Err(StoreError::ReadOnly)));
+    assert!(matches!(reader.compact(&()), Err(StoreError::ReadOnly)));
     let before = reader.read().unwrap();
     let mut transaction = writer.write().unwrap();
     transaction.add(texture(1)).unwrap();
@@ -288,9 +304,9 @@ fn a_snapshot_of_this_handle_keeps_compaction_waiting() {
     let scratch = Scratch::new();
     let store = scratch.create();
     let snapshot = store.read().unwrap();
-    assert!(matches!(store.compact(&mut silent), Err(StoreError::Busy { .. })));
+    assert!(matches!(store.compact(&()), Err(StoreError::Busy { .. })));
     drop(snapshot);
-    store.compact(&mut silent).unwrap();
+    store.compact(&()).unwrap();
 }
 
 #[test]
@@ -302,10 +318,30 @@ fn long_jobs_stop_when_told() {
     transaction.add(texture(2)).unwrap();
     transaction.remove(1).unwrap();
     transaction.commit().unwrap();
-    let mut stop = |_| std::ops::ControlFlow::Break(());
-    assert!(matches!(store.compact(&mut stop), Err(StoreError::Cancelled { .. })));
-    assert!(matches!(store.read().unwrap().verify(None, &mut stop), Err(StoreError::Cancelled { .. })));
+    assert!(matches!(store.compact(&Stop), Err(StoreError::Cancelled { .. })));
+    assert!(matches!(store.read().unwrap().verify(None, &Stop), Err(StoreError::Cancelled { .. })));
     assert_eq!(store.read().unwrap().counts().rows, 2, "nothing was compacted");
+}
+
+/// Only the engine's panics are damage: a bug is reported as a bug.
+#[test]
+fn a_panic_of_our_own_code_is_not_reported_as_damage() {
+    let scratch = Scratch::new();
+    let store = scratch.create();
+    let mut transaction = store.write().unwrap();
+    transaction.add(texture(1)).unwrap();
+    transaction.add(texture(2)).unwrap();
+    transaction.remove(1).unwrap();
+    transaction.commit().unwrap();
+    let bug = |call: &dyn Fn() -> bool| {
+        let panic = std::panic::catch_unwind(std::panic::AssertUnwindSafe(call)).unwrap_err();
+        assert_eq!(panic.downcast_ref::<&str>(), Some(&"a bug in a progress callback"));
+    };
+    bug(&|| store.read().unwrap().verify(None, &Bug).is_ok());
+    bug(&|| store.compact(&Bug).is_ok());
+    // The store is none the worse for it.
+    assert!(store.read().unwrap().verify(None, &()).unwrap().is_ok());
+    assert_eq!(store.compact(&()).unwrap().rows_removed, 1);
 }
 
 #[test]
@@ -327,7 +363,7 @@ fn a_removed_texture_gives_its_space_back() {
         transaction.remove(id).unwrap();
     }
     transaction.commit().unwrap();
-    let report = store.compact(&mut silent).unwrap();
+    let report = store.compact(&()).unwrap();
     assert_eq!(report.rows_removed, 7);
     assert!(report.bytes_after < 1 << 20 && report.bytes_before > 2 << 20, "{report:?}");
     assert_eq!(store.read().unwrap().voxels(8).unwrap().unwrap(), voxels(7));
@@ -342,5 +378,5 @@ fn a_store_lives_in_memory_too() {
     let mut transaction = store.write().unwrap();
     transaction.add(texture(1)).unwrap();
     transaction.commit().unwrap();
-    assert!(store.read().unwrap().verify(None, &mut silent).unwrap().is_ok());
+    assert!(store.read().unwrap().verify(None, &()).unwrap().is_ok());
 }

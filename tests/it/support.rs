@@ -1,4 +1,4 @@
-//! Small textures, and files of them.
+//! Small textures, files of them, and random numbers.
 
 use std::path::Path;
 
@@ -22,4 +22,15 @@ pub(crate) fn ball(side: usize, radius: usize) -> Volume {
 /// Writes a volume as a numpy file.
 pub(crate) fn write_npy(path: &Path, volume: &Volume) {
     hlacdb::arrays::write_volume(path, volume).unwrap();
+}
+
+/// Numbers that look random and depend on `seed` alone.
+pub(crate) fn noise(seed: u64) -> impl FnMut() -> u64 {
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state >> 16
+    }
 }

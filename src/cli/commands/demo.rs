@@ -210,10 +210,8 @@ fn build(database: &Database, recipe: &Recipe, progress: &TerminalProgress) -> R
     while !textures.is_empty() {
         let batch: Vec<_> = textures.drain(..textures.len().min(64)).collect();
         let added = batch.len() as u64;
-        let prepared: Result<Vec<_>, _> = batch
-            .into_par_iter()
-            .map(|(meta, volume)| database.prepare(volume, meta, hlacdb::store::Volumes::Keep))
-            .collect();
+        let prepared: Result<Vec<_>, _> =
+            batch.into_par_iter().map(|(meta, volume)| database.prepare(volume, meta, hlacdb::Volumes::Keep)).collect();
         database.commit(prepared?)?;
         progress.advance(added);
         if progress.cancelled() {

@@ -112,8 +112,8 @@ impl Ingest {
             jobs: self.jobs.map(|jobs| jobs as usize),
             within: None,
             volumes: match self.volumes {
-                Volumes::Keep => hlacdb::store::Volumes::Keep,
-                Volumes::None => hlacdb::store::Volumes::None,
+                Volumes::Keep => hlacdb::Volumes::Keep,
+                Volumes::None => hlacdb::Volumes::None,
             },
         })
     }

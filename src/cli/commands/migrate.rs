@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-use hlacdb::migrations::{MigrateOptions, migrate};
 use hlacdb::volume::display_path;
+use hlacdb::{Database, MigrateOptions};
 
 use crate::cli::context::{Context, Failure, Outcome};
 
@@ -33,12 +33,15 @@ impl Migrate {
             return Err(hlacdb::Error::from(hlacdb::OpenError::NoStore { path: context.store.clone() }).into());
         }
         // The name of the backup contains the old version, which only the plan knows.
-        let plan = migrate(&context.store, &MigrateOptions { check_only: true, backup: None })?;
+        let plan = Database::migrate(&context.store, &MigrateOptions::new().check_only(true))?;
         let report = if self.check || plan.hops.is_empty() {
             plan
         } else {
-            let backup = (!self.no_backup).then(|| backup_name(context, plan.from));
-            migrate(&context.store, &MigrateOptions { check_only: false, backup })?
+            let options = match self.no_backup {
+                true => MigrateOptions::new(),
+                false => MigrateOptions::new().backup(backup_name(context, plan.from)),
+            };
+            Database::migrate(&context.store, &options)?
         };
         let backup = report.backup.as_deref().map(display_path);
         if context.json {

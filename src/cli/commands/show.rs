@@ -3,7 +3,7 @@
 use std::io::Write;
 
 use clap::Args;
-use hlacdb::store::Provenance;
+use hlacdb::Provenance;
 use hlacdb::volume::display_path;
 use serde::Serialize;
 

@@ -4,51 +4,45 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::verify::ProgressAdapter;
+use super::verify::verify;
 use crate::database::handle::Database;
-use crate::database::open::OpenOptions;
 use crate::error::Error;
 use crate::progress::Progress;
-use crate::store::Reads;
+use crate::store::{Reads, StoreError};
 use crate::volume::display_path;
 
 /// What [`Database::backup`] wrote.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct BackupReport {
-    /// Textures in the copy.
+    /// The number of textures in the copy.
     pub textures: u64,
-    /// The revision it is of.
+    /// The revision of the copied state.
     pub revision: u64,
-    /// The length of the file.
+    /// The length of the file in bytes.
     pub bytes: u64,
-    /// The file.
+    /// The path of the file.
     pub file: String,
 }
 
 impl Database {
-    /// Writes the newest committed state as a store of its own to `path`, where nothing may be. Others may read and write
-    /// meanwhile: the copy is of one moment. It is verified, statistics and points recomputed, before this returns.
+    /// Writes the latest committed state as a store of its own to `path`, where nothing may exist. Other threads and processes
+    /// may read and write meanwhile: the copy is of one state. It is verified, with statistics and points recomputed,
+    /// before the file gets its name.
     ///
-    /// The copy is a store like any other: to go back to it, put it in the place of the store.
+    /// The copy is an ordinary store. To restore it, put it in the place of the damaged one.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; [`Error::Store`] where there is something at `path`, it cannot be written, or this store is
-    /// damaged: then there is no copy.
+    /// [`Error::Cancelled`]; [`Error::Store`] if something exists at `path`, it cannot be written, or this store is damaged.
+    /// Then there is no copy.
     pub fn backup(&self, path: &Path, progress: &dyn Progress) -> Result<BackupReport, Error> {
         let snapshot = self.store().read()?;
-        let mut bridge = ProgressAdapter::new(progress);
-        let copied = snapshot.copy_to(path, &mut |step| bridge.tell(step))?;
-        let copy = OpenOptions::new().read_only(true).open(path)?;
-        let found = copy.verify(false, progress).and_then(|report| match report.damage.into_iter().next() {
-            Some(damage) => Err(damage.into_error()),
-            None => Ok(()),
-        });
-        if let Err(error) = found {
-            drop(copy);
-            // A copy that is not known to be whole is worse than none.
-            let _ = std::fs::remove_file(path);
-            return Err(error);
-        }
+        let copied = snapshot.copy_to(path, progress, |copy| {
+            match verify(copy, false, progress)?.damage.into_iter().next() {
+                Some(damage) => Err(Error::Store(StoreError::Damage(damage))),
+                None => Ok(()),
+            }
+        })?;
         Ok(BackupReport {
             textures: snapshot.counts().textures,
             revision: snapshot.revision(),

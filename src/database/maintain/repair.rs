@@ -13,7 +13,6 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::verify::{DamageReport, ProgressAdapter};
 use crate::database::fit::rebuild::{Rewrite, describe_anew, rebuild};
 use crate::database::fit::spaces::fit;
 use crate::database::handle::Database;
@@ -26,7 +25,10 @@ use crate::error::{Error, MaintenanceError};
 use crate::hlac::View;
 use crate::progress::Progress;
 use crate::space::{Definition, Space};
-use crate::store::{OpenError, Options, Reads, Salvaged, SalvagedSettings, Settings, Store, StoreError, ViewCode};
+use crate::store::{
+    Damage, DamageKey, OpenError, Reads, SalvageReport, SalvagedSettings, Settings, Store, StoreError, StoreOptions,
+    ViewCode,
+};
 use crate::volume::display_path;
 
 /// How [`Database::repair`] goes about it.
@@ -42,7 +44,7 @@ pub struct RepairOptions {
 #[derive(Clone, Debug, Serialize)]
 pub struct RepairReport {
     /// What was damaged; empty where there was nothing to repair.
-    pub damage: Vec<DamageReport>,
+    pub damage: Vec<Damage>,
     /// How many entries of each kind were derived again.
     pub derived: BTreeMap<&'static str, u64>,
     /// Textures of which something is lost.
@@ -66,12 +68,12 @@ impl Database {
                 return Ok(RepairReport { damage, derived: BTreeMap::new(), quarantined: Vec::new(), original: None });
             }
             Ok(found) => found,
-            Err(error) if error.is_damage() => (vec![DamageReport::of_file(&error)], Vec::new()),
+            Err(error) if error.is_damage() => (vec![damage_of(&error)], Vec::new()),
             Err(error) => return Err(error),
         };
         let passing = beside(path, ".repairing");
         let outcome = restore(path, &passing, progress).and_then(|Restored { derived, quarantined, left }| {
-            let places = |damage: &[DamageReport]| -> BTreeSet<(&str, String)> {
+            let places = |damage: &[Damage]| -> BTreeSet<(&str, DamageKey)> {
                 damage.iter().map(|damage| (damage.table, damage.key.clone())).collect()
             };
             // What an earlier repair could not restore none can: a copy of the store would help nobody.
@@ -90,7 +92,7 @@ impl Database {
 }
 
 /// What `verify` finds, and the textures of which something was known to be lost before.
-fn examine(path: &Path, deep: bool, progress: &dyn Progress) -> Result<(Vec<DamageReport>, Vec<Quarantined>), Error> {
+fn examine(path: &Path, deep: bool, progress: &dyn Progress) -> Result<(Vec<Damage>, Vec<Quarantined>), Error> {
     // For writing: a store that a crash left is recovered first, and nobody else changes it meanwhile.
     let database = OpenOptions::new().create(false).open(path)?;
     let damage = database.verify(deep, progress)?.damage;
@@ -98,12 +100,20 @@ fn examine(path: &Path, deep: bool, progress: &dyn Progress) -> Result<(Vec<Dama
     Ok((damage, known.unwrap_or_default()))
 }
 
+/// The damage of a file that cannot be opened.
+fn damage_of(error: &Error) -> Damage {
+    match error {
+        Error::Store(StoreError::Damage(damage)) | Error::Open(OpenError::DamagedFile { damage, .. }) => damage.clone(),
+        other => Damage::new("(file)", DamageKey::Whole, crate::error::chain(other)),
+    }
+}
+
 /// A store made of what is whole of another.
 struct Restored {
     derived: BTreeMap<&'static str, u64>,
     quarantined: Vec<Quarantined>,
     /// What `verify` still finds: of textures of which something is lost.
-    left: Vec<DamageReport>,
+    left: Vec<Damage>,
 }
 
 /// Makes a store of what is whole of the one at `path` at `passing`.
@@ -126,13 +136,12 @@ fn restore(path: &Path, passing: &Path, progress: &dyn Progress) -> Result<Resto
             other => other.into(),
         }
     };
-    let old = Options::default().open_damaged(path).map_err(beyond)?;
+    let old = StoreOptions::default().open_damaged(path).map_err(beyond)?;
     let told = old.salvaged_settings()?;
     let settings = settings(&told);
     let salvaged = {
         let target = Store::create(passing, &settings)?;
-        let mut bridge = ProgressAdapter::new(progress);
-        old.salvage(&target, &mut |step| bridge.tell(step))?
+        old.salvage(&target, progress)?
     };
     let database = OpenOptions::new().create(false).open(passing)?;
     let mut derived = salvaged.derived.clone();
@@ -140,11 +149,11 @@ fn restore(path: &Path, passing: &Path, progress: &dyn Progress) -> Result<Resto
     let lost = derive(&database, &salvaged, &mut derived, progress)?;
     let left = database.verify(false, progress)?.damage;
     let quarantined = quarantine::listed(&database.store().read()?)?;
-    let explained = |damage: &DamageReport| {
+    let explained = |damage: &Damage| {
         damage.texture().is_some_and(|id| quarantined.iter().any(|held| held.id == id) || lost.contains(&id))
     };
     match left.iter().find(|damage| !explained(damage)) {
-        Some(damage) => Err(damage.clone().into_error()),
+        Some(damage) => Err(StoreError::Damage(damage.clone()).into()),
         None => Ok(Restored { derived, quarantined, left }),
     }
 }
@@ -174,7 +183,7 @@ fn settings(told: &SalvagedSettings) -> Settings {
 /// What can be derived again, in one transaction. Returns the textures of which something is lost.
 fn derive(
     database: &Database,
-    salvaged: &Salvaged,
+    salvaged: &SalvageReport,
     derived: &mut BTreeMap<&'static str, u64>,
     progress: &dyn Progress,
 ) -> Result<BTreeSet<u64>, Error> {

@@ -13,7 +13,7 @@ use crate::hlac::View;
 use crate::index::{NO_POINT, quantise};
 use crate::space::{FeatureSet, Space};
 use crate::store::{
-    DESCRIPTOR_ROWS, Damage, DescriptorBlock, PointsLayout, Reads, StoreError, Transaction, ViewCode,
+    DESCRIPTOR_ROWS, Damage, DamageKey, DescriptorBlock, PointsLayout, Reads, StoreError, Transaction, ViewCode,
     point_rows_per_block,
 };
 
@@ -83,17 +83,13 @@ impl<'a, R: Reads> StoredPoints<'a, R> {
 
     fn part(&self, part: u8) -> PartRows<'_, R> {
         let width = self.layout.widths.get(usize::from(part)).map_or(0, |&width| usize::from(width));
-        PartRows { kept: self, part, width, blocks: Vec::new() }
+        PartRows { kept: self, part, width, most: HELD, blocks: Vec::new() }
     }
 
-    /// Hands over row and point of the rows from `first` on, and whether the code is that of the point.
-    pub(crate) fn each_checked(&self, mut take: impl FnMut(usize, &[f32], bool)) -> Result<(), Error> {
-        let (mut kept, mut points) = (self.part(CODES), self.part(POINTS));
-        for row in 0..self.rows() {
-            let point = points.row(row)?;
-            take(row, point, unpack(kept.row(row)?).take(self.dims).eq(quantise(point)));
-        }
-        Ok(())
+    /// A reader of points with their codes, for rows in ascending order: it holds one block of each in memory.
+    pub(crate) fn checked_rows(&self) -> CheckedRows<'_, R> {
+        let in_order = |part| PartRows { most: 1, ..self.part(part) };
+        CheckedRows { codes: in_order(CODES), points: in_order(POINTS) }
     }
 
     /// Hands over row and point of the rows from `first` on; NaN where there is none.
@@ -122,11 +118,31 @@ fn unpack(numbers: &[f32]) -> impl Iterator<Item = i8> + '_ {
 /// So many blocks of one part are held in memory: 32 MiB.
 const HELD: usize = 128;
 
+/// Points with their codes.
+pub(crate) struct CheckedRows<'a, R> {
+    codes: PartRows<'a, R>,
+    points: PartRows<'a, R>,
+}
+
+impl<R: Reads> CheckedRows<'_, R> {
+    /// The point of a row, and whether its code is that of the point; `None` if the row has no point.
+    pub(crate) fn row(&mut self, row: usize) -> Result<Option<(&[f32], bool)>, Error> {
+        let point = self.points.row(row)?;
+        if !point.iter().all(|coordinate| coordinate.is_finite()) {
+            return Ok(None);
+        }
+        let coded = unpack(self.codes.row(row)?).take(point.len()).eq(quantise(point));
+        Ok(Some((point, coded)))
+    }
+}
+
 /// One part of the kept points. The blocks read last are held.
 pub(crate) struct PartRows<'a, R> {
     kept: &'a StoredPoints<'a, R>,
     part: u8,
     width: usize,
+    /// The number of blocks that are held.
+    most: usize,
     /// The block read last at the end.
     blocks: Vec<(u32, Vec<f32>)>,
 }
@@ -144,7 +160,7 @@ impl<R: Reads> PartRows<'_, R> {
                 self.blocks.push(found);
             }
             None => {
-                if self.blocks.len() >= HELD {
+                if self.blocks.len() >= self.most {
                     self.blocks.remove(0);
                 }
                 self.blocks.push((block, state.points(name, layout, self.part, block)?));
@@ -153,8 +169,8 @@ impl<R: Reads> PartRows<'_, R> {
         let at = row % per_block * self.width;
         let values = self.blocks.last().and_then(|(_, values)| values.get(at..at + self.width));
         Ok(values.ok_or_else(|| {
-            let key = format!("space {name}, block {block}");
-            StoreError::Damage(Damage { table: "points", key, what: "a row is missing".into() })
+            let key = DamageKey::PointBlock { space: name.to_string(), part: self.part, block };
+            StoreError::Damage(Damage::new("points", key, "a row is missing"))
         })?)
     }
 }

@@ -100,7 +100,7 @@ impl Database {
                 let parts = contributions_of(transaction, id, &views)?;
                 match whole {
                     true => drop(transaction.remove(id)?),
-                    false => transaction.discard(id)?,
+                    false => transaction.remove_damaged(id)?,
                 }
                 statistics_cache.remove(&parts)?;
             }

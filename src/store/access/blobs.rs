@@ -1,127 +1,87 @@
-//! Blobs: named bytes of any length in pieces (statistics, spaces).
+//! Reading and writing blobs (statistics, spaces), and the names that keys begin with.
 
-use redb::TableDefinition;
+use redb::{Value, WriteTransaction};
 
-use crate::store::access::tables::{AnyTable, Source, Tables};
+use crate::store::access::tables::{ReadTable, Source, WriteTable};
+use crate::store::damage::DamageKey;
 use crate::store::error::StoreError;
-use crate::store::format::chunks;
-use crate::store::format::frame::{self, Kind};
+use crate::store::format::blobs::{self, Blobs};
 use crate::store::format::keys;
 
-/// Payload bytes of a piece before its share of the blob: total length (`u64`), pieces (`u32`), 0 (`u32`).
-const HEAD: usize = 16;
-
-/// One of the tables that keep blobs.
-#[derive(Clone, Copy)]
-pub(in crate::store) struct Blobs {
-    pub(in crate::store) table: TableDefinition<'static, &'static [u8], &'static [u8]>,
-    pub(in crate::store) name: &'static str,
-    pub(in crate::store) kind: Kind,
+/// The names of the blobs of a table, ascending.
+pub(crate) fn names(source: Source<'_>, blobs: Blobs) -> Result<Vec<String>, StoreError> {
+    names_of(&source.table(blobs.table)?)
 }
 
-/// The `statistics` table.
-pub(in crate::store) const STATISTICS: Blobs =
-    Blobs { table: keys::STATISTICS, name: "statistics", kind: Kind::Statistics };
-/// The `spaces` table.
-pub(in crate::store) const SPACES: Blobs = Blobs { table: keys::SPACES, name: "spaces", kind: Kind::Space };
-
-impl Blobs {
-    /// The names of the blobs, ascending.
-    pub(in crate::store) fn names(self, tables: Tables<'_>) -> Result<Vec<String>, StoreError> {
-        names(&tables.source.table(self.table)?, self.name)
+/// The blob `name`; `None` if there is none.
+pub(crate) fn get(source: Source<'_>, blobs: Blobs, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+    let damage = |what: String| StoreError::damage(blobs.table.name, DamageKey::Name(name.to_owned()), what);
+    let table = source.table(blobs.table)?;
+    let mut blob = Vec::new();
+    let (mut number, mut expected) = (0, None);
+    loop {
+        let key = blobs::key(name, number);
+        let Some(value) = table.get(&key[..])? else { break };
+        let chunk = blobs.open(&key, value.get()?).map_err(damage)?;
+        if *expected.get_or_insert(chunk.total) != chunk.total {
+            return Err(damage(format!("chunk {number} belongs to another blob")));
+        }
+        blob.extend_from_slice(chunk.share);
+        number += 1;
     }
-
-    /// The blob `name`; `None` where there is none.
-    pub(in crate::store) fn get(self, tables: Tables<'_>, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        let table = tables.source.table(self.table)?;
-        let mut blob = Vec::new();
-        let (mut number, mut expected) = (0, None);
-        loop {
-            let key = keys::piece(name, number);
-            let Some(value) = table.get(&key[..])? else { break };
-            let payload = frame::open(self.kind, &key, value.value()).map_err(|what| self.damage(name, what))?;
-            let Some((&[t0, t1, t2, t3, t4, t5, t6, t7, p0, p1, p2, p3, 0, 0, 0, 0], share)) =
-                payload.split_first_chunk::<HEAD>()
-            else {
-                return Err(self.damage(name, format!("piece {number} has an odd head")));
-            };
-            let total = (u64::from_le_bytes([t0, t1, t2, t3, t4, t5, t6, t7]), u32::from_le_bytes([p0, p1, p2, p3]));
-            if *expected.get_or_insert(total) != total {
-                return Err(self.damage(name, format!("piece {number} belongs to another blob")));
-            }
-            blob.extend_from_slice(share);
-            number += 1;
+    match expected {
+        None => Ok(None),
+        Some((bytes, chunks)) if bytes == blob.len() as u64 && chunks == number => Ok(Some(blob)),
+        Some((bytes, chunks)) => {
+            Err(damage(format!("found {number} chunks with {} bytes, expected {chunks} with {bytes}", blob.len())))
         }
-        match expected {
-            None => Ok(None),
-            Some((bytes, pieces)) if bytes == blob.len() as u64 && pieces == number => Ok(Some(blob)),
-            Some((bytes, pieces)) => Err(self.damage(
-                name,
-                format!("{number} pieces with {} bytes are there, expected {pieces} with {bytes}", blob.len()),
-            )),
-        }
-    }
-
-    /// Writes the blob `name` in place of what was there.
-    pub(in crate::store) fn put(self, source: Source<'_>, name: &str, blob: &[u8]) -> Result<(), StoreError> {
-        let Source::Write(transaction) = source else { return Err(StoreError::ReadOnly) };
-        let lengths = chunks::cut(blob.len(), HEAD);
-        let mut table = transaction.open_table(self.table).map_err(StoreError::when("opening a table"))?;
-        let mut rest = blob;
-        for (number, &length) in lengths.iter().enumerate() {
-            let (share, after) = rest.split_at_checked(length).unwrap_or((rest, &[]));
-            rest = after;
-            let key = keys::piece(name, number as u32);
-            let mut builder = frame::Builder::new(self.kind, HEAD + length);
-            builder.payload().extend((blob.len() as u64).to_le_bytes());
-            builder.payload().extend((lengths.len() as u32).to_le_bytes());
-            builder.payload().extend([0; 4]);
-            builder.payload().extend_from_slice(share);
-            table.insert(&key[..], &builder.seal(&key)[..]).map_err(StoreError::when("writing the store"))?;
-        }
-        for number in lengths.len() as u32.. {
-            let gone = table.remove(&keys::piece(name, number)[..]).map_err(StoreError::when("writing the store"))?;
-            if gone.is_none() {
-                return Ok(());
-            }
-        }
-        Ok(())
-    }
-
-    /// Removes the blob `name`; whether there was one.
-    pub(in crate::store) fn remove(self, source: Source<'_>, name: &str) -> Result<bool, StoreError> {
-        let Source::Write(transaction) = source else { return Err(StoreError::ReadOnly) };
-        let mut table = transaction.open_table(self.table).map_err(StoreError::when("opening a table"))?;
-        for number in 0.. {
-            let gone = table.remove(&keys::piece(name, number)[..]).map_err(StoreError::when("writing the store"))?;
-            if gone.is_none() {
-                return Ok(number > 0);
-            }
-        }
-        Ok(true)
-    }
-
-    fn damage(self, key: &str, what: impl Into<String>) -> StoreError {
-        StoreError::damage(self.name, key, what)
     }
 }
 
-/// The names that the keys of a table begin with, up to the first NUL, ascending. Looks at one key per name.
-pub(in crate::store) fn names(
-    table: &AnyTable<'_, &'static [u8], &'static [u8]>,
-    label: &'static str,
-) -> Result<Vec<String>, StoreError> {
+/// Writes the blob `name`, in place of an earlier one.
+pub(crate) fn put(transaction: &WriteTransaction, blobs: Blobs, name: &str, blob: &[u8]) -> Result<(), StoreError> {
+    let mut table = WriteTable::open(transaction, blobs.table)?;
+    let chunks = blobs.seal(name, blob);
+    let count = chunks.len() as u32;
+    for (key, value) in chunks {
+        table.insert(&key[..], &value[..])?;
+    }
+    remove_from(&mut table, name, count).map(drop)
+}
+
+/// Removes the blob `name`; returns whether there was one.
+pub(crate) fn remove(transaction: &WriteTransaction, blobs: Blobs, name: &str) -> Result<bool, StoreError> {
+    remove_from(&mut WriteTable::open(transaction, blobs.table)?, name, 0)
+}
+
+/// Removes the chunks of a blob from number `first` on; returns whether there were any.
+fn remove_from(
+    table: &mut WriteTable<'_, &'static [u8], &'static [u8]>,
+    name: &str,
+    first: u32,
+) -> Result<bool, StoreError> {
+    for number in first.. {
+        if !table.remove(&blobs::key(name, number)[..])? {
+            return Ok(number > first);
+        }
+    }
+    Ok(true)
+}
+
+/// The names that the keys of a table begin with, up to the first NUL, ascending. Reads one key per name.
+pub(crate) fn names_of<V: Value + 'static>(table: &ReadTable<'_, &'static [u8], V>) -> Result<Vec<String>, StoreError> {
     let mut names = Vec::new();
     let mut from = Some(Vec::new());
     while let Some(start) = from {
         let Some(entry) = table.range(&start[..]..)?.next() else { break };
-        let (key, _) = entry.map_err(StoreError::when("reading the store"))?;
-        let name = key.value().split(|&byte| byte == 0).next().unwrap_or_default();
+        let entry = entry?;
+        let key = entry.key()?;
+        let name = key.split(|&byte| byte == 0).next().unwrap_or_default();
         let Ok(text) = std::str::from_utf8(name) else {
-            return Err(StoreError::damage(label, key.value().escape_ascii().to_string(), "the key is malformed"));
+            return Err(StoreError::damage(table.name(), DamageKey::Bytes(key.to_vec()), "the key is malformed"));
         };
         names.push(text.to_owned());
-        from = keys::after(&keys::tag_prefix(text, None));
+        from = keys::after(&keys::prefix(text));
     }
     Ok(names)
 }

@@ -1,9 +1,12 @@
-//! The open file: handles, snapshots, reads and the one writer's transaction.
+//! The open file: creating and opening, snapshots, reads and the transaction of the one writer.
 
-pub(in crate::store) mod blobs;
-pub(in crate::store) mod handle;
-pub(in crate::store) mod reads;
-pub(in crate::store) mod snapshot;
-pub(in crate::store) mod tables;
-pub(in crate::store) mod transaction;
-pub(in crate::store) mod write_buffer;
+pub(crate) mod blobs;
+pub(crate) mod handle;
+pub(crate) mod meta;
+pub(crate) mod open;
+pub(crate) mod reads;
+pub(crate) mod snapshot;
+pub(crate) mod tables;
+pub(crate) mod transaction;
+pub(crate) mod values;
+pub(crate) mod write_buffer;

@@ -1,22 +1,20 @@
-//! [`Snapshot`]: one state of the store, as it was when it was taken.
+//! [`Snapshot`]: one state of the store, as it was when the snapshot was taken.
 
 use std::sync::Arc;
 
 use redb::{ReadTransaction, ReadableDatabase};
 
-use crate::store::access::reads::sealed::Source as _;
-use crate::store::access::reads::{Reads, read_stream, sealed};
+use crate::store::access::meta;
+use crate::store::access::reads::{Reads, sealed};
 use crate::store::access::tables::{Source, Tables};
+use crate::store::access::values;
+use crate::store::damage::FILE;
 use crate::store::error::StoreError;
-use crate::store::format::codec;
-use crate::store::format::frame::{self, Kind};
-use crate::store::format::header::Settings;
-use crate::store::format::header::{Header, KEY_FORMAT, KEY_SETTINGS, KEY_STATE, State};
-use crate::store::format::keys;
-use crate::store::os::panic_boundary::guarded;
+use crate::store::format::header::{Settings, State};
+use crate::store::os::panic_boundary::contained;
 
-/// One consistent state of the store. Cheap to take and to clone; many may be open at once, on any threads, beside a
-/// writer. While one is open the space of what it sees is not used again, so do not keep it longer than needed.
+/// One consistent state of the store. It is cheap to take and to clone; any number may be open at once, on any threads,
+/// beside a writer. The space of what it sees is not reused while it is open, so do not keep it longer than needed.
 #[derive(Clone)]
 pub struct Snapshot {
     inner: Arc<Inner>,
@@ -30,22 +28,21 @@ struct Inner {
 
 impl Snapshot {
     pub(in crate::store) fn take(database: &impl ReadableDatabase) -> Result<Self, StoreError> {
-        guarded("meta", || {
-            let transaction = database.begin_read().map_err(StoreError::when("taking a snapshot"))?;
-            let (state, settings) = read_meta(Source::Read(&transaction))?;
-            Ok(Self { inner: Arc::new(Inner { transaction, state, settings }) })
-        })
+        let transaction = contained(FILE, "taking a snapshot", || database.begin_read())?;
+        let (state, settings) = meta::read(Source::Read(&transaction))?;
+        Ok(Self { inner: Arc::new(Inner { transaction, state, settings }) })
     }
 
-    /// Reads the kept voxels of the texture `id` and checks them, without expanding them.
+    /// Reads the stored voxels of the texture `id` and verifies their checksums, without decompressing them.
     ///
     /// # Errors
-    /// [`StoreError::Damage`] where they are not whole.
+    /// [`StoreError::Damage`] if they are damaged.
     pub fn check_voxels(&self, id: u64) -> Result<(), StoreError> {
-        guarded("chunks", || match self.record(id)?.and_then(|record| record.voxels) {
-            Some(kept) => read_stream(self.tables(), id, kept.pieces, kept.bytes).map(drop),
+        use sealed::Source as _;
+        match self.record(id)?.and_then(|record| record.voxels) {
+            Some(stored) => values::voxel_stream(self.tables(), id, stored.chunks, stored.bytes).map(drop),
             None => Ok(()),
-        })
+        }
     }
 
     pub(in crate::store) fn transaction(&self) -> &ReadTransaction {
@@ -61,7 +58,7 @@ impl std::fmt::Debug for Snapshot {
 
 impl sealed::Source for Snapshot {
     fn tables(&self) -> Tables<'_> {
-        Tables { source: Source::Read(&self.inner.transaction), state: &self.inner.state, open: None }
+        Tables { source: Source::Read(&self.inner.transaction), state: &self.inner.state, buffer: None }
     }
 
     fn settings_ref(&self) -> &Settings {
@@ -70,35 +67,3 @@ impl sealed::Source for Snapshot {
 }
 
 impl Reads for Snapshot {}
-
-/// Counters and settings, the header checked.
-pub(in crate::store) fn read_meta(source: Source<'_>) -> Result<(State, Settings), StoreError> {
-    let header = read_header(source)?;
-    if header.version != Header::CURRENT.version {
-        // The handle was opened on the current version; another process has migrated the store since.
-        return Err(StoreError::invalid("the store's format was changed while it was open: open it again"));
-    }
-    let table = source.table(keys::META)?;
-    let state = match table.get(KEY_STATE)? {
-        Some(value) => frame::open(Kind::State, KEY_STATE, value.value()).and_then(codec::decode),
-        None => Err("the entry is missing".into()),
-    };
-    let settings = match table.get(KEY_SETTINGS)? {
-        Some(value) => frame::open(Kind::Settings, KEY_SETTINGS, value.value()).and_then(codec::decode),
-        None => Err("the entry is missing".into()),
-    };
-    Ok((
-        state.map_err(|what| StoreError::damage("meta", "state", what))?,
-        settings.map_err(|what| StoreError::damage("meta", "settings", what))?,
-    ))
-}
-
-/// The header.
-pub(in crate::store) fn read_header(source: Source<'_>) -> Result<Header, StoreError> {
-    let table = source.table(keys::META)?;
-    let header = match table.get(KEY_FORMAT)? {
-        Some(value) => Header::decode(value.value()),
-        None => Err("the entry is missing".into()),
-    };
-    header.map_err(|what| StoreError::damage("meta", "format", what))
-}

@@ -1,22 +1,22 @@
-//! [`Bits`]: one bit per row.
+//! [`Bits`]: one bit per row of a block.
 
-/// One bit per row: row `i` is bit `i % 8` of byte `i / 8`; the bits past the last row are 0.
+/// One bit per row: row `i` is bit `i % 8` of byte `i / 8`; the bits beyond the last row are 0.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(in crate::store) struct Bits {
+pub(crate) struct Bits {
     length: usize,
     bytes: Vec<u8>,
 }
 
 impl Bits {
-    pub(in crate::store) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.length
     }
 
-    pub(in crate::store) fn bytes(&self) -> &[u8] {
+    pub(crate) fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    pub(in crate::store) fn push(&mut self, bit: bool) {
+    pub(crate) fn push(&mut self, bit: bool) {
         if self.length.is_multiple_of(8) {
             self.bytes.push(0);
         }
@@ -24,13 +24,13 @@ impl Bits {
         self.set(self.length - 1, bit);
     }
 
-    /// `false` past the end.
-    pub(in crate::store) fn get(&self, index: usize) -> bool {
+    /// The bit at `index`; `false` beyond the last row.
+    pub(crate) fn get(&self, index: usize) -> bool {
         index < self.length && self.bytes.get(index / 8).is_some_and(|byte| byte >> (index % 8) & 1 == 1)
     }
 
-    /// Nothing past the end.
-    pub(in crate::store) fn set(&mut self, index: usize, bit: bool) {
+    /// Sets the bit at `index`; does nothing beyond the last row.
+    pub(crate) fn set(&mut self, index: usize, bit: bool) {
         if index < self.length
             && let Some(byte) = self.bytes.get_mut(index / 8)
         {
@@ -38,11 +38,11 @@ impl Bits {
         }
     }
 
-    pub(in crate::store) fn ones(&self) -> usize {
+    pub(crate) fn ones(&self) -> usize {
         self.bytes.iter().map(|byte| byte.count_ones() as usize).sum()
     }
 
-    pub(in crate::store) fn extend(&mut self, other: &Bits) {
+    pub(crate) fn extend(&mut self, other: &Bits) {
         if self.length.is_multiple_of(8) {
             self.bytes.extend_from_slice(&other.bytes);
             self.length += other.length;
@@ -51,14 +51,14 @@ impl Bits {
         }
     }
 
-    /// `length` bits from the front of `bytes`, and what follows them.
-    pub(in crate::store) fn decode(length: usize, bytes: &[u8]) -> Result<(Self, &[u8]), String> {
+    /// The first `length` bits of `bytes`, and the bytes after them.
+    pub(crate) fn decode(length: usize, bytes: &[u8]) -> Result<(Self, &[u8]), String> {
         let Some((bits, rest)) = bytes.split_at_checked(length.div_ceil(8)) else {
-            return Err(format!("the {length} flags end early"));
+            return Err(format!("the bits of {length} rows are cut short"));
         };
         let spare = if length.is_multiple_of(8) { 0 } else { 0xFF << (length % 8) };
         if bits.last().is_some_and(|last| last & spare != 0) {
-            return Err(format!("flags past the {length} rows are set"));
+            return Err(format!("bits beyond the {length} rows are set"));
         }
         Ok((Self { length, bytes: bits.to_vec() }, rest))
     }

@@ -1,17 +1,17 @@
-//! The frame around every value: what it is, how long it is, and its checksum.
+//! The frame around every value: its kind, its length and its checksum.
 //!
-//! The engine does not check what it returns on an ordinary read, so every value carries its own checksum. It covers
-//! the key as well: an intact value under the wrong key is damage too.
+//! The engine does not verify checksums on an ordinary read, so every value carries its own. The checksum covers the key
+//! as well: an intact value under the wrong key is damage.
 
 use xxhash_rust::xxh3::Xxh3;
 
-/// Bytes before the payload.
-pub(in crate::store) const HEAD: usize = 16;
+/// The number of bytes before the payload.
+pub(crate) const HEAD: usize = 16;
 
-/// What a frame holds. The numbers are frozen.
+/// The kind of a value. The numbers are frozen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub(in crate::store) enum Kind {
+pub(crate) enum Kind {
     Settings = 1,
     State = 2,
     Record = 3,
@@ -26,32 +26,32 @@ pub(in crate::store) enum Kind {
 }
 
 impl Kind {
-    /// The layout version of the payload: an integer of its own per kind.
+    /// The version of the layout of the payload, counted separately for each kind.
     const fn version(self) -> u8 {
         1
     }
 }
 
-/// A frame that is filled in place: the head is left open until [`Builder::seal`].
-pub(in crate::store) struct Builder {
+/// A frame under construction: the payload is appended in place and [`Builder::seal`] fills in the head.
+pub(crate) struct Builder {
     kind: Kind,
     bytes: Vec<u8>,
 }
 
 impl Builder {
-    pub(in crate::store) fn new(kind: Kind, capacity: usize) -> Self {
+    pub(crate) fn new(kind: Kind, capacity: usize) -> Self {
         let mut bytes = Vec::with_capacity(HEAD + capacity);
         bytes.resize(HEAD, 0);
         Self { kind, bytes }
     }
 
-    /// The payload so far, to be extended.
-    pub(in crate::store) fn payload(&mut self) -> &mut Vec<u8> {
+    /// The buffer to append the payload to.
+    pub(crate) fn payload(&mut self) -> &mut Vec<u8> {
         &mut self.bytes
     }
 
-    /// The whole value, for `key`.
-    pub(in crate::store) fn seal(mut self, key: &[u8]) -> Vec<u8> {
+    /// The finished value for `key`.
+    pub(crate) fn seal(mut self, key: &[u8]) -> Vec<u8> {
         let length = (self.bytes.len() - HEAD) as u32;
         let [l0, l1, l2, l3] = length.to_le_bytes();
         let head = [self.kind as u8, self.kind.version(), 0, 0, l0, l1, l2, l3];
@@ -63,22 +63,22 @@ impl Builder {
     }
 }
 
-/// The value that holds `payload` under `key`.
-pub(in crate::store) fn seal(kind: Kind, key: &[u8], payload: &[u8]) -> Vec<u8> {
+/// The framed value of `payload` for `key`.
+pub(crate) fn seal(kind: Kind, key: &[u8], payload: &[u8]) -> Vec<u8> {
     let mut builder = Builder::new(kind, payload.len());
     builder.payload().extend_from_slice(payload);
     builder.seal(key)
 }
 
-/// The payload of the value `bytes` under `key`; else what is wrong with it.
-pub(in crate::store) fn open<'a>(kind: Kind, key: &[u8], bytes: &'a [u8]) -> Result<&'a [u8], String> {
+/// The payload of the value `bytes` at `key`; the error says what is wrong with it.
+pub(crate) fn open<'a>(kind: Kind, key: &[u8], bytes: &'a [u8]) -> Result<&'a [u8], String> {
     let Some((head, payload)) = bytes.split_first_chunk::<HEAD>() else {
-        return Err(format!("the value has {} bytes, a frame has at least {HEAD}", bytes.len()));
+        return Err(format!("the value has {} bytes, expected at least {HEAD}", bytes.len()));
     };
     let [k, version, f0, f1, l0, l1, l2, l3, c0, c1, c2, c3, c4, c5, c6, c7] = *head;
     let length = u32::from_le_bytes([l0, l1, l2, l3]);
     if payload.len() != length as usize {
-        return Err(format!("the frame says {length} bytes, {} are there", payload.len()));
+        return Err(format!("the payload has {} bytes, expected {length}", payload.len()));
     }
     let sum = checksum(&[k, version, f0, f1, l0, l1, l2, l3], key, payload);
     if sum != u64::from_le_bytes([c0, c1, c2, c3, c4, c5, c6, c7]) {
@@ -86,7 +86,7 @@ pub(in crate::store) fn open<'a>(kind: Kind, key: &[u8], bytes: &'a [u8]) -> Res
     }
     if k != kind as u8 || version != kind.version() || f0 != 0 || f1 != 0 {
         return Err(format!(
-            "the frame is of kind {k} version {version}, expected kind {} version {}",
+            "the value has kind {k} version {version}, expected kind {} version {}",
             kind as u8,
             kind.version()
         ));
@@ -94,7 +94,7 @@ pub(in crate::store) fn open<'a>(kind: Kind, key: &[u8], bytes: &'a [u8]) -> Res
     Ok(payload)
 }
 
-/// XXH3-64 (seed 0) over the first half of the head, the key's bytes and the payload.
+/// XXH3-64 (seed 0) over the first half of the head, the key and the payload.
 fn checksum(head: &[u8; 8], key: &[u8], payload: &[u8]) -> u64 {
     let mut hasher = Xxh3::new();
     hasher.update(head);
@@ -103,8 +103,8 @@ fn checksum(head: &[u8; 8], key: &[u8], payload: &[u8]) -> u64 {
     hasher.digest()
 }
 
-/// The 32-bit checksum of entries whose content is mostly in the key (`hashes`, `tags`): the low half of XXH3-64.
-pub(in crate::store) fn short_sum(bytes: &[u8]) -> [u8; 4] {
+/// The checksum of entries that are mostly key (`hashes`, `tags`): the low 32 bits of XXH3-64.
+pub(crate) fn short_sum(bytes: &[u8]) -> [u8; 4] {
     (xxhash_rust::xxh3::xxh3_64(bytes) as u32).to_le_bytes()
 }
 
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn every_flipped_bit_and_every_other_key_is_seen() {
+    fn every_flipped_bit_and_every_other_key_is_detected() {
         let key = 7_u64.to_le_bytes();
         let value = seal(Kind::Record, &key, b"payload");
         assert_eq!(open(Kind::Record, &key, &value), Ok(&b"payload"[..]));

@@ -5,38 +5,40 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
+use crate::store::format::codec;
 use crate::store::format::descriptors::ViewCode;
+use crate::store::format::frame::{self, Kind};
 
-/// The format version that this library writes. An integer of its own, not the crate's version.
+/// The format version that this library writes. It is counted separately from the version of the crate.
 pub const FORMAT_VERSION: u32 = 1;
 /// The required-feature bits that this library knows.
-pub(in crate::store) const KNOWN_FEATURES: u64 = 0;
+pub(crate) const KNOWN_FEATURES: u64 = 0;
 
 /// The first bytes of the header entry.
-pub(in crate::store) const MAGIC: [u8; 8] = *b"hlacdb\r\n";
+pub(crate) const MAGIC: [u8; 8] = *b"hlacdb\r\n";
 
 /// Keys of the `meta` table.
-pub(in crate::store) const KEY_FORMAT: &[u8] = b"format";
-pub(in crate::store) const KEY_SETTINGS: &[u8] = b"settings";
-pub(in crate::store) const KEY_STATE: &[u8] = b"state";
+pub(crate) const KEY_FORMAT: &[u8] = b"format";
+pub(crate) const KEY_SETTINGS: &[u8] = b"settings";
+pub(crate) const KEY_STATE: &[u8] = b"state";
 
-/// The header entry: 32 bytes whose layout no version may ever change, so that any program can tell any store's version.
+/// The header entry: 32 bytes whose layout never changes, so that every version of hlacdb can read the format version of
+/// every store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::store) struct Header {
+pub(crate) struct Header {
     /// The format version of the store.
-    pub(in crate::store) version: u32,
-    /// The lowest version whose readers read it.
-    pub(in crate::store) minimum_reader: u32,
-    /// Bits that a reader must know.
-    pub(in crate::store) features: u64,
+    pub(crate) version: u32,
+    /// The lowest format version whose programs can read the store.
+    pub(crate) minimum_reader: u32,
+    /// Feature bits that a reader must know.
+    pub(crate) features: u64,
 }
 
 impl Header {
     /// The header of the stores that this library writes.
-    pub(in crate::store) const CURRENT: Self =
-        Self { version: FORMAT_VERSION, minimum_reader: FORMAT_VERSION, features: 0 };
+    pub(crate) const CURRENT: Self = Self { version: FORMAT_VERSION, minimum_reader: FORMAT_VERSION, features: 0 };
 
-    pub(in crate::store) fn encode(self) -> [u8; 32] {
+    pub(crate) fn encode(self) -> [u8; 32] {
         let mut bytes = [0; 32];
         let fields = MAGIC.into_iter().chain(self.version.to_le_bytes()).chain(self.minimum_reader.to_le_bytes());
         for (byte, value) in bytes.iter_mut().zip(fields.chain(self.features.to_le_bytes())) {
@@ -49,13 +51,13 @@ impl Header {
         bytes
     }
 
-    /// The header, or what is wrong with the bytes.
-    pub(in crate::store) fn decode(bytes: &[u8]) -> Result<Self, String> {
+    /// Decodes the header; the error says what is wrong with the bytes.
+    pub(crate) fn decode(bytes: &[u8]) -> Result<Self, String> {
         let bytes: &[u8; 32] =
             bytes.try_into().map_err(|_| format!("the header has {} bytes, expected 32", bytes.len()))?;
         let (body, sum) = bytes.split_at(24);
         if !body.starts_with(&MAGIC) {
-            return Err("the header does not begin with the store's magic".into());
+            return Err("the header does not begin with the magic bytes".into());
         }
         if xxh3_64(body).to_le_bytes() != sum {
             return Err("the header's checksum does not match".into());
@@ -66,48 +68,70 @@ impl Header {
     }
 }
 
-/// Whether the voxels of new textures are kept.
+/// Whether a store keeps the voxels of new textures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Volumes {
-    /// Compressed, without loss.
+    /// Keep them, compressed without loss.
     #[default]
     Keep,
-    /// Not at all: provenance, sums and descriptors only.
+    /// Keep provenance, sums and descriptors only.
     None,
 }
 
-/// What a store was made for. The store keeps settings; it is the database that obeys them.
+/// The settings of a store. The store only keeps them; the database applies them.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Settings {
-    /// The views that new textures are described by, in order.
+    /// The views of new textures, in order.
     pub views: Vec<ViewCode>,
-    /// Whether voxels are kept.
+    /// Whether the voxels of new textures are kept.
     pub volumes: Volumes,
-    /// Further settings by name.
+    /// Other settings by name.
     pub further: BTreeMap<String, String>,
 }
 
-/// The counters: rewritten by every commit.
+impl Settings {
+    /// The value of the settings in `meta`; `None` if they are longer than a record may be.
+    pub(in crate::store) fn seal(&self) -> Option<Vec<u8>> {
+        Some(frame::seal(Kind::Settings, KEY_SETTINGS, &codec::encode(self)?))
+    }
+
+    /// The settings of a value in `meta`; the error says what is wrong with it.
+    pub(in crate::store) fn open(value: &[u8]) -> Result<Self, String> {
+        frame::open(Kind::Settings, KEY_SETTINGS, value).and_then(codec::decode)
+    }
+}
+
+/// The counters, which every commit rewrites.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(in crate::store) struct State {
+pub(crate) struct State {
     /// Grows by one with every commit.
-    pub(in crate::store) revision: u64,
+    pub(crate) revision: u64,
     /// The id of the next texture.
-    pub(in crate::store) next_id: u64,
+    pub(crate) next_id: u64,
     /// The number of textures.
-    pub(in crate::store) live: u64,
+    pub(crate) live: u64,
     /// The number of rows, tombstones included.
-    pub(in crate::store) rows: u64,
+    pub(crate) rows: u64,
 }
 
 impl State {
-    pub(in crate::store) const EMPTY: Self = Self { revision: 0, next_id: 1, live: 0, rows: 0 };
+    /// The counters of a store without textures, before its first commit.
+    pub(crate) const EMPTY: Self = Self { revision: 0, next_id: 1, live: 0, rows: 0 };
+
+    /// The value of the counters in `meta`.
+    pub(crate) fn seal(&self) -> Option<Vec<u8>> {
+        Some(frame::seal(Kind::State, KEY_STATE, &codec::encode(self)?))
+    }
+
+    /// The counters of a value in `meta`; the error says what is wrong with it.
+    pub(crate) fn open(value: &[u8]) -> Result<Self, String> {
+        frame::open(Kind::State, KEY_STATE, value).and_then(codec::decode)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::format::codec;
 
     #[test]
     fn the_header_is_frozen() {
@@ -122,6 +146,7 @@ mod tests {
             assert!(Header::decode(&damaged).is_err());
         }
     }
+
     #[test]
     fn settings_and_state_have_their_golden_bytes() {
         let settings =

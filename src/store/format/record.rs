@@ -1,13 +1,17 @@
-//! [`Record`]: what is known of one texture, apart from its numbers.
+//! [`Record`]: what is known of one texture apart from its numbers.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::store::damage::{Damage, DamageKey};
+use crate::store::format::codec;
+use crate::store::format::frame::{self, Kind};
+use crate::store::format::tables::TEXTURES;
 use crate::volume::{Shape, Volume};
 
-/// The identity of a texture's voxels: shape, channels and hash, known together or not at all.
+/// The identity of a texture's voxels: shape, channels and hash.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Content {
     /// Axis lengths (Z, Y, X) in voxels.
@@ -39,117 +43,130 @@ impl Content {
         }
     }
 
-    /// The number of voxel bytes: sides times channels; `None` where that is more than this machine can address.
-    pub(in crate::store) fn bytes(&self) -> Option<usize> {
+    /// The number of voxel bytes, Z * Y * X * channels; `None` if that is more than this machine can address.
+    pub(in crate::store) fn byte_count(&self) -> Option<usize> {
         let sides = self.shape.iter().try_fold(u64::from(self.channels), |bytes, &side| bytes.checked_mul(side))?;
         usize::try_from(sides).ok().filter(|&bytes| isize::try_from(bytes).is_ok())
     }
 
-    /// The shape as [`Volume`] has it; `None` where a side is more than this machine can address.
+    /// The shape as a [`Volume`] has it; `None` if a side is more than this machine can address.
     pub fn volume_shape(&self) -> Option<Shape> {
         let [z, y, x] = self.shape.map(usize::try_from);
         Some([z.ok()?, y.ok()?, x.ok()?])
     }
 }
 
-/// Where a texture's samples came from and how they became voxels.
+/// Where the samples of a texture came from, and how they were mapped to voxels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
-    /// The kind of file or producer: `nrrd`, `tiff`, `synthetic`, ...
+    /// The file format or the producer: `nrrd`, `tiff`, `synthetic`, ...
     pub kind: String,
     /// The type of the samples in the file: `u8`, `u16`, `f32`, ...
     pub samples: String,
-    /// How samples became 256 levels; `None` where they were taken as they are.
+    /// How samples were mapped to 256 levels; `None` if they are stored unchanged.
     pub mapping: Option<RecordedMapping>,
-    /// The distance between voxels along (Z, Y, X), as the file gives it.
+    /// The distance between voxels along (Z, Y, X), in the unit of the file.
     pub spacing: Option<[f64; 3]>,
 }
 
-/// The rule that mapped deeper samples to 256 levels, and its numbers.
+/// The rule that mapped samples to 256 levels, and its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RecordedMapping {
-    /// The rule as it was given: `full`, `auto`, `LO..HI`.
+    /// The rule: `full`, `auto` or `LO..HI`.
     pub rule: String,
-    /// The sample that became 0.
+    /// The sample value that is mapped to 0.
     pub lo: f64,
-    /// The sample that became 255.
+    /// The sample value that is mapped to 255.
     pub hi: f64,
 }
 
-/// The place of a texture that was cut out of a larger volume.
+/// The position of a texture that was cut from a larger volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Cut {
-    /// The first voxel (Z, Y, X) in the larger volume.
+    /// The position (Z, Y, X) of its first voxel in the larger volume.
     pub offset: [u64; 3],
     /// The shape (Z, Y, X) of the larger volume.
     pub parent: [u64; 3],
 }
 
-/// How a texture's voxels are kept.
+/// How the voxels of a texture are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StoredVoxels {
     /// The length of the compressed stream in bytes.
     pub bytes: u64,
-    /// The number of pieces it is cut into.
-    pub pieces: u32,
-    /// What was done to the voxels before compression.
+    /// The number of chunks that the stream is cut into.
+    pub chunks: u32,
+    /// The filter that was applied before compression.
     pub filter: VoxelFilter,
 }
 
-/// What is done to voxels before compression, and undone after it.
+/// A reversible filter that is applied to voxels before compression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum VoxelFilter {
-    /// Nothing: best for labels and masks.
+    /// None: best for labels.
     Plain,
     /// Differences modulo 256 along X, Y and Z: best for smooth grey levels.
     Differences,
 }
 
-/// What is known of one texture, apart from its numbers. There are no timestamps: the same inputs make the same store.
+/// What is known of one texture apart from its numbers. It has no timestamps, so that the same inputs make the same store.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
-    /// The texture's id: from 1, ascending in input order, never used again.
+    /// The id of the texture: ids start at 1, ascend in input order and are never reused.
     pub id: u64,
     /// The display name.
     pub name: String,
-    /// The path it was read from, as raw bytes ([`path_bytes`]); need not be UTF-8.
+    /// The path that it was read from, as raw bytes ([`path_bytes`]) which need not be UTF-8.
     pub path: Option<Vec<u8>>,
-    /// Shape, channels and hash; `None` where only moments were imported.
+    /// Shape, channels and hash; `None` if only moments were imported.
     pub content: Option<Content>,
-    /// Where the samples came from; `None` where that is not known.
+    /// Where the samples came from; `None` if that is unknown.
     pub provenance: Option<Provenance>,
-    /// The place in a larger volume, where it was cut from one.
+    /// The position in a larger volume; `None` if it was not cut from one.
     pub cut: Option<Cut>,
-    /// Tags: one value per key.
+    /// The tags: one value per key.
     pub tags: BTreeMap<String, String>,
-    /// How the voxels are kept; `None` where they are not.
+    /// How the voxels are stored; `None` if they are not.
     pub voxels: Option<StoredVoxels>,
-    /// Whether the exact sums of `full@1` are kept.
+    /// Whether the exact sums of `full@1` are stored.
     pub has_sums: bool,
 }
 
 impl Record {
-    /// The path it was read from. Outside Unix what is no UTF-8 comes back with replacement characters.
+    /// The path that it was read from. On systems other than Unix, bytes that are not UTF-8 become replacement characters.
     pub fn path(&self) -> Option<PathBuf> {
         self.path.as_deref().map(path_from_bytes)
     }
 }
 
-/// The record as it lies on disk; the id is the key. The order of the fields is frozen.
+/// The record as it is on disk; the id is its key. The order of the fields is frozen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(in crate::store) struct StoredRecord {
-    pub(in crate::store) name: String,
-    pub(in crate::store) path: Option<Vec<u8>>,
-    pub(in crate::store) content: Option<Content>,
-    pub(in crate::store) provenance: Option<Provenance>,
-    pub(in crate::store) cut: Option<Cut>,
-    pub(in crate::store) tags: BTreeMap<String, String>,
-    pub(in crate::store) voxels: Option<StoredVoxels>,
-    pub(in crate::store) has_sums: bool,
+pub(crate) struct StoredRecord {
+    pub(crate) name: String,
+    pub(crate) path: Option<Vec<u8>>,
+    pub(crate) content: Option<Content>,
+    pub(crate) provenance: Option<Provenance>,
+    pub(crate) cut: Option<Cut>,
+    pub(crate) tags: BTreeMap<String, String>,
+    pub(crate) voxels: Option<StoredVoxels>,
+    pub(crate) has_sums: bool,
 }
 
 impl StoredRecord {
-    pub(in crate::store) fn with_id(self, id: u64) -> Record {
+    /// The value of the record of texture `id`; `None` if it is longer than a record may be.
+    pub(crate) fn seal(&self, id: u64) -> Option<Vec<u8>> {
+        Some(frame::seal(Kind::Record, &id.to_le_bytes(), &codec::encode(self)?))
+    }
+
+    /// The record of texture `id`.
+    pub(crate) fn open(id: u64, value: &[u8]) -> Result<Record, Damage> {
+        frame::open(Kind::Record, &id.to_le_bytes(), value)
+            .and_then(codec::decode::<Self>)
+            .map(|record| record.with_id(id))
+            .map_err(|what| Damage::new(TEXTURES.name, DamageKey::Texture(id), what))
+    }
+
+    fn with_id(self, id: u64) -> Record {
         let Self { name, path, content, provenance, cut, tags, voxels, has_sums } = self;
         Record { id, name, path, content, provenance, cut, tags, voxels, has_sums }
     }
@@ -162,7 +179,7 @@ impl From<Record> for StoredRecord {
     }
 }
 
-/// A path as the bytes that a record keeps: on Unix its very bytes, elsewhere UTF-8 with replacement characters.
+/// A path as a record stores it: its raw bytes on Unix, elsewhere UTF-8 with replacement characters.
 pub fn path_bytes(path: &Path) -> Vec<u8> {
     #[cfg(unix)]
     {
@@ -190,7 +207,6 @@ fn path_from_bytes(bytes: &[u8]) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::format::codec;
 
     fn full() -> StoredRecord {
         StoredRecord {
@@ -205,7 +221,7 @@ mod tests {
             }),
             cut: Some(Cut { offset: [1, 2, 3], parent: [9, 9, 9] }),
             tags: [("k".to_owned(), "v".to_owned())].into(),
-            voxels: Some(StoredVoxels { bytes: 6, pieces: 1, filter: VoxelFilter::Differences }),
+            voxels: Some(StoredVoxels { bytes: 6, chunks: 1, filter: VoxelFilter::Differences }),
             has_sums: true,
         }
     }
@@ -251,18 +267,18 @@ mod tests {
         for length in 0..expected.len() {
             assert!(codec::decode::<StoredRecord>(&expected[..length]).is_err());
         }
-        assert!(codec::decode::<StoredRecord>(&[&expected[..], &[0]].concat()).is_err(), "a byte is left over");
+        assert!(codec::decode::<StoredRecord>(&[&expected[..], &[0]].concat()).is_err(), "a byte too many");
     }
 
     #[test]
-    fn a_lying_length_takes_no_memory() {
+    fn a_false_length_allocates_nothing() {
         assert!(codec::decode::<StoredRecord>(&words(&[u64::MAX])).is_err());
         assert!(codec::decode::<StoredRecord>(&words(&[1 << 23])).is_err());
     }
 
     #[test]
-    fn a_monstrous_shape_has_no_size() {
+    fn a_shape_beyond_the_address_space_has_no_byte_count() {
         let content = Content { shape: [1 << 40, 1 << 40, 3], channels: 1, hash: [0; 32] };
-        assert_eq!(content.bytes(), None);
+        assert_eq!(content.byte_count(), None);
     }
 }

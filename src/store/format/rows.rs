@@ -1,29 +1,48 @@
-//! Rows: which texture has which row, and which rows are dead.
+//! Rows: the row of each texture, and which rows are tombstones.
 //!
-//! A texture's *row* is its place in `descriptors` (of every view) and in `points`. Rows are given in input order, so
+//! A texture's *row* is its place in `descriptors` (of every view) and in `points`. Rows are assigned in input order, so
 //! ids ascend with rows. A removed texture leaves a *tombstone*: its row stays until rows are compacted.
 
+use crate::store::damage::{Damage, DamageKey};
 use crate::store::format::bits::Bits;
+use crate::store::format::frame::{self, Kind};
+use crate::store::format::tables::ROWS;
 
 /// Rows per block of the `rows` table.
-pub(in crate::store) const ROWS_PER_BLOCK: usize = 1024;
+pub(crate) const ROWS_PER_BLOCK: usize = 1024;
 
-/// Up to 1024 consecutive rows: their ids and whether they are alive.
+/// Up to [`ROWS_PER_BLOCK`] consecutive rows: their ids, and whether each has a texture.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(in crate::store) struct RowBlock {
-    /// Ascending.
-    pub(in crate::store) ids: Vec<u64>,
-    pub(in crate::store) live: Bits,
+pub(crate) struct RowBlock {
+    /// The ids, ascending.
+    pub(crate) ids: Vec<u64>,
+    /// Set for a texture, clear for a tombstone.
+    pub(crate) live: Bits,
 }
 
 impl RowBlock {
-    pub(in crate::store) fn push(&mut self, id: u64) {
+    /// Appends the row of a texture.
+    pub(crate) fn push(&mut self, id: u64) {
         self.ids.push(id);
         self.live.push(true);
     }
 
-    /// Payload: rows (`u32`), 0 (`u32`), first id (`u64`), live bits, then the gap from id to id, LEB128.
-    pub(in crate::store) fn encode(&self, payload: &mut Vec<u8>) {
+    /// The value of block number `block`.
+    pub(crate) fn seal(&self, block: u32) -> Vec<u8> {
+        let mut builder = frame::Builder::new(Kind::Rows, 16 + 3 * self.ids.len());
+        self.encode(builder.payload());
+        builder.seal(&block.to_le_bytes())
+    }
+
+    /// The rows of block number `block`.
+    pub(crate) fn open(block: u32, value: &[u8]) -> Result<Self, Damage> {
+        frame::open(Kind::Rows, &block.to_le_bytes(), value)
+            .and_then(Self::decode)
+            .map_err(|what| Damage::new(ROWS.name, DamageKey::RowBlock(block), what))
+    }
+
+    /// Payload: rows (`u32`), 0 (`u32`), first id (`u64`), live bits, then the gap from each id to the next in LEB128.
+    fn encode(&self, payload: &mut Vec<u8>) {
         payload.extend((self.ids.len() as u32).to_le_bytes());
         payload.extend([0; 4]);
         payload.extend(self.ids.first().copied().unwrap_or(0).to_le_bytes());
@@ -35,12 +54,16 @@ impl RowBlock {
         }
     }
 
-    pub(in crate::store) fn decode(payload: &[u8]) -> Result<Self, String> {
-        let Some((head, rest)) = payload.split_first_chunk::<16>() else { return Err("the row block is short".into()) };
-        let [r0, r1, r2, r3, 0, 0, 0, 0, first @ ..] = *head else { return Err("the row block's head is odd".into()) };
+    pub(crate) fn decode(payload: &[u8]) -> Result<Self, String> {
+        let Some((head, rest)) = payload.split_first_chunk::<16>() else {
+            return Err("the row block is cut short".into());
+        };
+        let [r0, r1, r2, r3, 0, 0, 0, 0, first @ ..] = *head else {
+            return Err("the head of the row block is malformed".into());
+        };
         let rows = u32::from_le_bytes([r0, r1, r2, r3]) as usize;
         if rows == 0 || rows > ROWS_PER_BLOCK {
-            return Err(format!("the row block says {rows} rows, expected 1 to {ROWS_PER_BLOCK}"));
+            return Err(format!("the row block has {rows} rows, expected 1 to {ROWS_PER_BLOCK}"));
         }
         let (live, mut gaps) = Bits::decode(rows, rest)?;
         let mut ids = Vec::with_capacity(rows);
@@ -52,7 +75,7 @@ impl RowBlock {
             ids.push(id);
         }
         if !gaps.is_empty() {
-            return Err(format!("{} bytes are left after the row block's ids", gaps.len()));
+            return Err(format!("the row block has {} bytes after its ids", gaps.len()));
         }
         Ok(Self { ids, live })
     }
@@ -83,7 +106,7 @@ fn read_leb128(bytes: &mut &[u8]) -> Option<u64> {
     None
 }
 
-/// All rows of a store: ids ascending, tombstones marked.
+/// All rows of a store.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Rows {
     pub(in crate::store) ids: Vec<u64>,
@@ -96,17 +119,17 @@ impl Rows {
         self.ids.len()
     }
 
-    /// Whether there is no row at all.
+    /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.ids.is_empty()
     }
 
-    /// The ids by row, tombstones included, ascending.
+    /// The ids by row, tombstones included; they ascend.
     pub fn ids(&self) -> &[u64] {
         &self.ids
     }
 
-    /// Whether the row has a texture; `false` for a tombstone and beyond the last row.
+    /// Whether the row has a texture: `false` for a tombstone and beyond the last row.
     pub fn is_live(&self, row: usize) -> bool {
         self.live.get(row)
     }
@@ -116,7 +139,7 @@ impl Rows {
         self.ids.iter().copied().enumerate().filter(|&(row, _)| self.live.get(row))
     }
 
-    /// The row of the texture `id`; `None` where there is none, or no longer.
+    /// The row of the texture `id`; `None` if there is no such texture.
     pub fn row_of(&self, id: u64) -> Option<usize> {
         self.ids.binary_search(&id).ok().filter(|&row| self.live.get(row))
     }
@@ -143,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_of_any_size_come_back() {
+    fn gaps_of_any_size_are_preserved() {
         for gap in [1, 127, 128, 1 << 35, u64::MAX - 1] {
             let mut block = RowBlock::default();
             block.push(1);

@@ -1,17 +1,19 @@
-//! Voxels at rest: one zstd stream, cut into pieces.
+//! Stored voxels: one zstd stream, cut into [chunks](super::chunks).
 //!
-//! Before compression, voxels may be replaced by their differences along all three axes. For grey levels that change
-//! smoothly this halves the stream; for labels and masks it does harm, so both are tried and the shorter is kept.
+//! Before compression, voxels may be replaced by their differences along all three axes. This halves the stream for grey
+//! levels that change smoothly and lengthens it for labels, so both are tried and the shorter stream is kept.
 
 use crate::store::error::StoreError;
 use crate::store::format::chunks;
+use crate::store::format::frame::{self, Kind};
+use crate::store::format::keys;
 use crate::store::format::record::{Content, StoredVoxels, VoxelFilter};
 use crate::volume::Volume;
 
-/// The zstd level. On differences, level 1 is both the fastest and the smallest (docs/format.md has the figures).
+/// The zstd level. Level 1 is the fastest, and the smallest on differences (docs/format.md has the figures).
 const LEVEL: i32 = 1;
 
-/// A volume's voxels, compressed, with their identity: made on a worker thread, before the transaction.
+/// The compressed voxels of a volume and their identity. Compress on a worker thread, before the transaction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CompressedVoxels {
     content: Content,
@@ -20,10 +22,10 @@ pub struct CompressedVoxels {
 }
 
 impl CompressedVoxels {
-    /// Compresses and hashes `volume`. Takes about three times its bytes of memory while it works.
+    /// Compresses and hashes `volume`. Uses about three times its size in memory.
     ///
     /// # Errors
-    /// [`StoreError::Engine`] where zstd fails (out of memory).
+    /// [`StoreError::Engine`] if zstd fails (out of memory).
     pub fn new(volume: &Volume) -> Result<Self, StoreError> {
         Self::with_content(volume, Content::of(volume))
     }
@@ -47,7 +49,7 @@ impl CompressedVoxels {
         Ok(Self { content, filter, stream })
     }
 
-    /// Shape, channels and hash of the volume.
+    /// Shape, channels and content hash of the volume.
     pub fn content(&self) -> &Content {
         &self.content
     }
@@ -57,34 +59,44 @@ impl CompressedVoxels {
         self.stream.len() as u64
     }
 
-    /// What the record says of them.
+    /// What the record stores about them.
     pub(in crate::store) fn stored(&self) -> StoredVoxels {
-        StoredVoxels { bytes: self.bytes(), pieces: self.pieces().len() as u32, filter: self.filter }
+        StoredVoxels { bytes: self.bytes(), chunks: self.chunks().len() as u32, filter: self.filter }
     }
 
-    /// The pieces of the stream, in order.
-    pub(in crate::store) fn pieces(&self) -> impl ExactSizeIterator<Item = &[u8]> {
+    /// The chunks of the stream, in order.
+    pub(in crate::store) fn chunks(&self) -> impl ExactSizeIterator<Item = &[u8]> {
         let mut rest = &self.stream[..];
         chunks::cut(self.stream.len(), 0).into_iter().map(move |length| {
-            let (piece, after) = rest.split_at_checked(length).unwrap_or((rest, &[]));
+            let (chunk, after) = rest.split_at_checked(length).unwrap_or((rest, &[]));
             rest = after;
-            piece
+            chunk
         })
     }
 }
 
-/// The volume whose compressed stream is given; else what is wrong with it.
-pub(in crate::store) fn expand(content: &Content, filter: VoxelFilter, stream: &[u8]) -> Result<Volume, String> {
-    let (Some(bytes), Some(shape)) = (content.bytes(), content.volume_shape()) else {
-        return Err(format!("the shape {:?} is beyond this machine", content.shape));
+/// The value of the `n`-th chunk of the texture `id`.
+pub(crate) fn seal_chunk(id: u64, n: u32, chunk: &[u8]) -> Vec<u8> {
+    frame::seal(Kind::Voxels, &keys::chunk(id, n), chunk)
+}
+
+/// The bytes of the `n`-th chunk of the texture `id`; the error says what is wrong with the value.
+pub(crate) fn open_chunk(id: u64, n: u32, value: &[u8]) -> Result<&[u8], String> {
+    frame::open(Kind::Voxels, &keys::chunk(id, n), value)
+}
+
+/// Decompresses a volume; the error says what is wrong with the stream.
+pub(crate) fn expand(content: &Content, filter: VoxelFilter, stream: &[u8]) -> Result<Volume, String> {
+    let (Some(bytes), Some(shape)) = (content.byte_count(), content.volume_shape()) else {
+        return Err(format!("the shape {:?} exceeds the address space", content.shape));
     };
     let mut voxels = Vec::new();
     voxels.try_reserve_exact(bytes).map_err(|_| format!("{bytes} bytes of voxels do not fit in memory"))?;
     voxels.resize(bytes, 0);
     let expanded = zstd::bulk::decompress_to_buffer(stream, &mut voxels[..])
-        .map_err(|error| format!("zstd refuses the voxels: {error}"))?;
+        .map_err(|error| format!("zstd cannot decompress the voxels: {error}"))?;
     if expanded != bytes {
-        return Err(format!("the stream holds {expanded} bytes of voxels, the shape asks for {bytes}"));
+        return Err(format!("the stream holds {expanded} bytes of voxels, the shape requires {bytes}"));
     }
     if filter == VoxelFilter::Differences {
         for stride in strides(content) {
@@ -94,7 +106,7 @@ pub(in crate::store) fn expand(content: &Content, filter: VoxelFilter, stream: &
     Volume::new(shape, usize::from(content.channels), voxels).map_err(|error| error.to_string())
 }
 
-/// How far apart neighbours along X, Y and Z are in memory. Only called for content that has been in memory as a whole.
+/// The distance in memory of neighbours along X, Y and Z. The volume must fit in memory.
 fn strides(content: &Content) -> [usize; 3] {
     let [_, y, x] = content.shape.map(|side| side as usize);
     let channels = usize::from(content.channels);
@@ -119,7 +131,7 @@ fn running_sums(voxels: &mut [u8], stride: usize) {
 mod tests {
     use super::*;
 
-    fn there_and_back(volume: &Volume) -> CompressedVoxels {
+    fn round_trip(volume: &Volume) -> CompressedVoxels {
         let compressed = CompressedVoxels::new(volume).unwrap();
         let back = expand(compressed.content(), compressed.filter, &compressed.stream);
         assert_eq!(back.as_ref(), Ok(volume));
@@ -127,20 +139,20 @@ mod tests {
     }
 
     #[test]
-    fn smooth_levels_are_kept_as_differences_and_labels_as_they_are() {
+    fn smooth_levels_are_stored_as_differences_and_labels_unchanged() {
         let smooth = |z: usize, y: usize, x: usize| ((z * z + 3 * y + x * y / 2) / 3) as u8;
-        let smooth = there_and_back(&Volume::from_fn([20, 21, 22], smooth).unwrap());
+        let smooth = round_trip(&Volume::from_fn([20, 21, 22], smooth).unwrap());
         assert_eq!(smooth.filter, VoxelFilter::Differences);
         let labels = |z: usize, y: usize, x: usize| if (z * 7 + y * 5 + x * 3) % 31 < 15 { 255 } else { 0 };
-        let labels = there_and_back(&Volume::from_fn([20, 21, 22], labels).unwrap());
+        let labels = round_trip(&Volume::from_fn([20, 21, 22], labels).unwrap());
         assert_eq!(labels.filter, VoxelFilter::Plain);
         let colours = (0..3 * 4 * 5 * 3).map(|i| (i * i) as u8).collect();
-        there_and_back(&Volume::new([3, 4, 5], 3, colours).unwrap());
+        round_trip(&Volume::new([3, 4, 5], 3, colours).unwrap());
     }
 
     #[test]
     fn differences_are_as_the_format_says() {
-        // Shape (3, 3, 3): only the corner (1, 1, 1) is set, so eight signs alternate from there on.
+        // Shape (3, 3, 3): one voxel is set, at (1, 1, 1), so eight values of alternating sign follow it.
         let mut voxels = [0; 27];
         voxels[13] = 1;
         [1, 3, 9].into_iter().for_each(|stride| differences(&mut voxels, stride));
@@ -159,7 +171,7 @@ mod tests {
             let content = Content { shape, ..compressed.content().clone() };
             assert!(expand(&content, compressed.filter, &compressed.stream).is_err(), "{shape:?}");
         }
-        let bitten = &compressed.stream[..compressed.stream.len() - 1];
-        assert!(expand(compressed.content(), compressed.filter, bitten).is_err());
+        let truncated = &compressed.stream[..compressed.stream.len() - 1];
+        assert!(expand(compressed.content(), compressed.filter, truncated).is_err());
     }
 }

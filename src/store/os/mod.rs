@@ -1,4 +1,5 @@
-//! What lies below the store: the engine's panics and the process that holds the file.
+//! What lies below the store: the engine's panics, the process that holds the lock, files and their names.
 
-pub(in crate::store) mod lock_owner;
-pub(in crate::store) mod panic_boundary;
+pub(crate) mod files;
+pub(crate) mod lock_owner;
+pub(crate) mod panic_boundary;

@@ -1,128 +1,105 @@
-//! Copies: a consistent snapshot as a store of its own.
+//! Copies: one consistent state as a store of its own.
 
 use std::fs;
 use std::path::Path;
 
-use redb::{Key, TableDefinition, Value, WriteTransaction};
+use redb::{Key, Value, WriteTransaction};
 
-use crate::store::access::handle::{Options, Store, give_name, passing_name};
-use crate::store::access::reads::Reads;
-use crate::store::access::reads::sealed::Source as _;
+use crate::progress::Progress;
+use crate::store::access::meta;
+use crate::store::access::open::StoreOptions;
+use crate::store::access::reads::{Reads, sealed::Source as _};
 use crate::store::access::snapshot::Snapshot;
+use crate::store::access::tables::WriteTable;
 use crate::store::error::StoreError;
-use crate::store::format::keys;
-use crate::store::open_error::OpenError;
-use crate::store::progress::{Report, silent, tell};
+use crate::store::format::tables::{
+    CHUNKS, DESCRIPTORS, HASHES, META, POINTS, ROWS, SPACES, STATISTICS, SUMS, TAGS, TEXTURES, Table,
+};
+use crate::store::os::files;
+use crate::store::upkeep::job::Job;
 
-const DOING: &str = "the copy";
-/// The caller is told after as many entries.
+/// The number of entries after which progress is reported.
 const STEP: u64 = 64;
 
 /// What [`Snapshot::copy_to`] wrote.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Copied {
-    /// Entries of all tables.
+#[non_exhaustive]
+pub struct CopyReport {
+    /// The number of entries of all tables.
     pub entries: u64,
     /// The length of the new file in bytes.
     pub bytes: u64,
 }
 
 impl Snapshot {
-    /// Writes this state as a store of its own at `path`, where nothing may be: every entry of every table as it is, so that
-    /// ids, rows and revision are the same. A writer may go on meanwhile. The copy is verified before it gets its name.
+    /// Writes this state as a store of its own at `path`, where nothing may exist. Every entry of every table is copied as it
+    /// is, so that ids, rows and revision are the same. A writer may continue meanwhile.
+    ///
+    /// `verify` gets the state of the finished copy before the file gets its name. If it fails, there is no copy.
     ///
     /// # Errors
-    /// [`OpenError::Exists`], [`OpenError::Io`], [`StoreError::Cancelled`]; [`StoreError::Damage`] where this state, and
-    /// so the copy, is damaged: then there is no copy.
-    pub fn copy_to(&self, path: impl AsRef<Path>, report: Report<'_>) -> Result<Copied, StoreError> {
+    /// [`OpenError::Exists`], [`OpenError::Io`], [`StoreError::Cancelled`], [`StoreError::Damage`] if this state cannot be
+    /// read; the error of `verify`.
+    pub fn copy_to<E: From<StoreError>>(
+        &self,
+        path: impl AsRef<Path>,
+        progress: &dyn Progress,
+        verify: impl FnOnce(&Snapshot) -> Result<(), E>,
+    ) -> Result<CopyReport, E> {
         let path = path.as_ref();
-        if path.symlink_metadata().is_ok() {
-            return Err(StoreError::Open(OpenError::Exists { path: path.into() }));
-        }
-        let passing = passing_name(path);
-        let made = self.copy_under(&passing, report).and_then(|entries| {
-            give_name(&passing, path).map_err(|source| match source.kind() {
-                std::io::ErrorKind::AlreadyExists => StoreError::Open(OpenError::Exists { path: path.into() }),
-                _ => StoreError::Open(OpenError::Io { doing: "creating", path: path.into(), source }),
-            })?;
-            Ok(Copied { entries, bytes: fs::metadata(path).map_or(0, |file| file.len()) })
-        });
-        if made.is_err() {
-            // The failure is what matters; a passing file that cannot be removed is harmless.
-            let _ = fs::remove_file(&passing);
-        }
-        made
-    }
-
-    fn copy_under(&self, passing: &Path, report: Report<'_>) -> Result<u64, StoreError> {
-        let target = Options::default().create(passing, self.settings())?;
-        let mut copy = Copy { snapshot: self, report, entries: 0 };
-        target.rewrite(|transaction| copy.everything(transaction))?;
-        let entries = copy.entries;
-        target.compact_pages()?;
-        let found = target.read()?.verify(None, &mut silent)?;
-        match found.damage.into_iter().next() {
-            Some(damage) => Err(damage.into()),
-            None => Ok(entries),
-        }
+        let entries = files::create_whole(path, |file| {
+            let target = StoreOptions::default().create_in(path, file, self.settings())?;
+            let mut copy = Copy { snapshot: self, job: Job::new("the copy", progress), entries: 0 };
+            let transaction = target.begin()?;
+            copy.everything(&transaction)?;
+            meta::commit(transaction)?;
+            target.compact_pages()?;
+            verify(&target.read()?)?;
+            Ok::<_, E>(copy.entries)
+        })?;
+        Ok(CopyReport { entries, bytes: fs::metadata(path).map_or(0, |file| file.len()) })
     }
 }
 
-struct Copy<'a, 'r> {
+struct Copy<'a> {
     snapshot: &'a Snapshot,
-    report: Report<'r>,
+    job: Job<'a>,
     entries: u64,
 }
 
-impl Copy<'_, '_> {
+impl Copy<'_> {
     fn everything(&mut self, target: &WriteTransaction) -> Result<(), StoreError> {
-        self.table(target, keys::META, "copying settings")?;
-        self.table(target, keys::TEXTURES, "copying records")?;
-        self.table(target, keys::HASHES, "copying hashes")?;
-        self.table(target, keys::TAGS, "copying tags")?;
-        self.table(target, keys::CHUNKS, "copying voxels")?;
-        self.table(target, keys::ROWS, "copying rows")?;
-        self.table(target, keys::DESCRIPTORS, "copying descriptors")?;
-        self.table(target, keys::SUMS, "copying sums")?;
-        self.table(target, keys::STATISTICS, "copying statistics")?;
-        self.table(target, keys::SPACES, "copying spaces")?;
-        self.table(target, keys::POINTS, "copying points")
+        self.table(target, META, "copying settings")?;
+        self.table(target, TEXTURES, "copying records")?;
+        self.table(target, HASHES, "copying hashes")?;
+        self.table(target, TAGS, "copying tags")?;
+        self.table(target, CHUNKS, "copying voxels")?;
+        self.table(target, ROWS, "copying rows")?;
+        self.table(target, DESCRIPTORS, "copying descriptors")?;
+        self.table(target, SUMS, "copying sums")?;
+        self.table(target, STATISTICS, "copying statistics")?;
+        self.table(target, SPACES, "copying spaces")?;
+        self.table(target, POINTS, "copying points")
     }
 
-    fn table<K, V>(
+    fn table<K: Key + 'static, V: Value + 'static>(
         &mut self,
         target: &WriteTransaction,
-        definition: TableDefinition<'static, K, V>,
-        phase: &'static str,
-    ) -> Result<(), StoreError>
-    where
-        K: Key + 'static,
-        V: Value + 'static,
-    {
-        let from = self.snapshot.tables().source.table(definition)?;
+        table: Table<K, V>,
+        stage: &'static str,
+    ) -> Result<(), StoreError> {
+        let from = self.snapshot.tables().source.table(table)?;
         let total = from.len()?;
-        let mut to = target.open_table(definition).map_err(StoreError::when("opening a table"))?;
-        tell(self.report, DOING, phase, 0, total)?;
-        for (number, entry) in (1..).zip(from.range::<K::SelfType<'_>>(..)?) {
-            let (key, value) = entry.map_err(StoreError::when("reading the store"))?;
-            to.insert(key.value(), value.value()).map_err(StoreError::when("writing the copy"))?;
+        let mut to = WriteTable::open(target, table)?;
+        self.job.begin(stage, total)?;
+        for (entry, number) in from.entries()?.zip(1..) {
+            let entry = entry?;
+            to.insert(entry.key()?, entry.value()?)?;
             self.entries += 1;
-            if u64::is_multiple_of(number, STEP) || number == total {
-                tell(self.report, DOING, phase, number, total)?;
+            if u64::is_multiple_of(number, STEP) {
+                self.job.advance(STEP)?;
             }
         }
-        Ok(())
-    }
-}
-
-impl Store {
-    /// One transaction over the bare tables.
-    pub(in crate::store) fn rewrite(
-        &self,
-        act: impl FnOnce(&WriteTransaction) -> Result<(), StoreError>,
-    ) -> Result<(), StoreError> {
-        let transaction = self.begin()?;
-        crate::store::os::panic_boundary::guarded("(file)", || act(&transaction))?;
-        transaction.commit().map_err(StoreError::when("committing"))
+        self.job.advance(total % STEP)
     }
 }

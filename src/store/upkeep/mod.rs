@@ -1,8 +1,9 @@
 //! Work over the whole file: verification, compaction, copies, salvage, sizes, removal of damaged textures.
 
-pub(in crate::store) mod compact;
-pub(in crate::store) mod copy;
+pub(crate) mod compact;
+pub(crate) mod copy;
+mod job;
 mod remove_damaged;
-pub(in crate::store) mod salvage;
-pub(in crate::store) mod sizes;
-pub(in crate::store) mod verify;
+pub(crate) mod salvage;
+pub(crate) mod sizes;
+pub(crate) mod verify;

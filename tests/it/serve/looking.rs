@@ -193,7 +193,7 @@ fn the_api_describes_itself_and_is_counted() {
 #[test]
 fn textures_without_voxels_are_listed_and_say_why_they_are_not_seen() {
     let place = Place::with(hlacdb::serve::Settings::default(), |database| {
-        let prepared = database.prepare(ball(16, 3), hlacdb::Meta::named("bare"), hlacdb::store::Volumes::None);
+        let prepared = database.prepare(ball(16, 3), hlacdb::Meta::named("bare"), hlacdb::Volumes::None);
         database.commit(vec![prepared.unwrap()]).unwrap();
     });
     assert_eq!(place.json("textures")["textures"][0]["voxels"], false);

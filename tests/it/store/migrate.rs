@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use hlacdb::migrations::{CURRENT_VERSION, MigrateOptions, MigrationError, migrate};
-use hlacdb::store::{FORMAT_VERSION, OpenError, Reads, Store, StoreError, ViewCode, silent};
+use hlacdb::internals::migrations::{CURRENT_VERSION, MigrateOptions, MigrationError, migrate};
+use hlacdb::internals::store::{FORMAT_VERSION, OpenError, Reads, Store, StoreError, ViewCode};
 use redb::{Builder, ConcurrencyMode, TableDefinition};
 use serde::Serialize;
 use xxhash_rust::xxh3::xxh3_64;
@@ -98,12 +98,12 @@ fn version_0_becomes_current() {
         let error = open(path.clone()).unwrap_err();
         assert!(matches!(error, StoreError::Open(OpenError::NeedsMigration { found: 0, .. })), "{error}");
     }
-    let check = MigrateOptions { check_only: true, ..MigrateOptions::default() };
+    let check = MigrateOptions::new().check_only(true);
     assert_eq!(migrate(&path, &check).unwrap().hops.len(), 1);
     assert!(matches!(Store::open(&path), Err(StoreError::Open(OpenError::NeedsMigration { .. }))));
 
     let backup = path.with_extension("backup");
-    let options = MigrateOptions { check_only: false, backup: Some(backup.clone()) };
+    let options = MigrateOptions::new().backup(&backup);
     let report = migrate(&path, &options).unwrap();
     assert_eq!(
         (report.from, report.to, report.hops.len(), report.backup),
@@ -111,7 +111,7 @@ fn version_0_becomes_current() {
     );
     let store = Store::open(&path).unwrap();
     let state = store.read().unwrap();
-    assert_eq!(state.verify(None, &mut silent).unwrap().damage, []);
+    assert_eq!(state.verify(None, &()).unwrap().damage, []);
     assert_eq!((state.counts().textures, state.counts().next_id), (181, 461));
     for (id, item) in items() {
         let record = state.record(id).unwrap().unwrap();
@@ -129,7 +129,7 @@ fn version_0_becomes_current() {
     assert_eq!(transaction.add(super::texture(1)).unwrap(), 461);
     transaction.remove(400).unwrap();
     transaction.commit().unwrap();
-    assert_eq!(store.read().unwrap().verify(None, &mut silent).unwrap().damage, []);
+    assert_eq!(store.read().unwrap().verify(None, &()).unwrap().damage, []);
     drop((state, store));
 
     assert_eq!(migrate(&path, &options).unwrap().hops, [""; 0], "current already: no hop, no backup");
@@ -138,7 +138,7 @@ fn version_0_becomes_current() {
 }
 
 #[test]
-fn odd_data_stop_a_hop_and_leave_the_store_as_it_was() {
+fn invalid_data_stop_a_hop_and_leave_the_store_as_it_was() {
     type Change = fn(&mut Item);
     let odd: [(&str, Change); 4] = [
         ("moments", |item| item.moments.truncate(250)),
@@ -158,9 +158,9 @@ fn odd_data_stop_a_hop_and_leave_the_store_as_it_was() {
             }),
         );
         let error = migrate(&scratch.path(), &MigrateOptions::default()).unwrap_err();
-        assert!(matches!(&error, MigrationError::Odd { table: "items", key, .. } if key == "id 430"), "{error}");
+        assert!(matches!(&error, MigrationError::Invalid { table: "items", key, .. } if key == "id 430"), "{error}");
         assert!(error.to_string().contains(says), "{error}");
-        let check = MigrateOptions { check_only: true, ..MigrateOptions::default() };
+        let check = MigrateOptions::new().check_only(true);
         assert_eq!(migrate(&scratch.path(), &check).unwrap().from, 0);
     }
 }

@@ -2,9 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use hlacdb::store::{
+use hlacdb::internals::store::{
     DESCRIPTOR_ROWS, NewTexture, Reads, Settings, Store, StoreError, Transaction, ViewCode, point_rows_per_block,
-    silent,
 };
 use proptest::prelude::*;
 
@@ -190,7 +189,7 @@ impl Model {
                 points.extend(numbers);
             }
             Op::CompactRows => {
-                transaction.compact_rows(&mut silent).unwrap();
+                transaction.compact_rows(&()).unwrap();
                 self.compact();
             }
             Op::Settings(view) => {
@@ -312,13 +311,13 @@ proptest! {
                 store = Store::open(scratch.path()).unwrap();
             }
             if let Then::Compact = then {
-                revision += u64::from(store.compact(&mut silent).unwrap().rows_removed > 0);
+                revision += u64::from(store.compact(&()).unwrap().rows_removed > 0);
                 model.compact();
             }
             prop_assert_eq!(store.read().unwrap().revision(), revision);
             model.compare(&store.read().unwrap());
         }
-        let report = store.read().unwrap().verify(Some(&|_, _, _| Vec::new()), &mut silent).unwrap();
+        let report = store.read().unwrap().verify(Some(&|_, _, _| Vec::new()), &()).unwrap();
         prop_assert_eq!(report.damage, []);
         prop_assert_eq!(report.checked["textures"], model.textures.len() as u64);
     }

@@ -8,6 +8,7 @@ use hlacdb::volume::Volume;
 use hlacdb::{Database, Error, Meta, OpenError, OpenOptions, Query};
 
 use super::{edit, filled, flip, told, volume};
+use crate::tables::SUMS;
 
 /// Backups while one thread adds and removes: each is whole, of one moment, and a store like any other.
 #[test]
@@ -46,7 +47,7 @@ fn a_backup_beside_a_writer_is_one_consistent_state() {
 fn a_damaged_store_has_no_backup() {
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 5, 9);
-    edit(&path, flip(redb::TableDefinition::<u64, &[u8]>::new("sums"), 1, 900));
+    edit(&path, flip(SUMS, 1, 900));
     let copy = folder.path().join("copy");
     let error = Database::open(&path).unwrap().backup(&copy, &()).unwrap_err();
     assert!(error.is_damage() && error.to_string().contains("sums at id 2"), "{error}");
@@ -61,7 +62,7 @@ fn exported_textures_are_imported_unchanged() {
     let database = Database::open(&path).unwrap();
     let colours = Volume::new([5, 6, 7], 3, (0..5 * 6 * 7 * 3).map(|i| (i * 7 % 251) as u8).collect()).unwrap();
     database.add(&colours, Meta::named("colours").tag("a,b", "c\n\u{e9}")).unwrap();
-    let bare = database.prepare(volume(50, 12), Meta::named("no voxels"), hlacdb::store::Volumes::None).unwrap();
+    let bare = database.prepare(volume(50, 12), Meta::named("no voxels"), hlacdb::Volumes::None).unwrap();
     database.commit(vec![bare]).unwrap();
     #[cfg(unix)]
     {

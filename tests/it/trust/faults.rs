@@ -2,144 +2,14 @@
 //! the state before or the one after, and the work can be done again.
 
 use std::io;
-use std::sync::{Arc, Mutex, MutexGuard};
 
 use hlacdb::hlac::View;
-use hlacdb::store::{Reads, Store, silent};
+use hlacdb::internals::store::{Reads, Store};
 use hlacdb::{Database, Error, Hint, Meta, OpenOptions, Query, ReindexOptions, TagEdit};
-use redb::StorageBackend;
 
 use super::{long, volume};
+use crate::disk::{Disk, Fault};
 use crate::store::migrate::version_0_on;
-use crate::store::noise;
-
-/// How the disk fails.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Fault {
-    /// From the n-th operation on, nothing works; what was written is there.
-    Gone,
-    /// The n-th operation alone fails.
-    Once,
-    /// At the n-th operation the power goes: of what was not synced each write is there, or torn, or not.
-    Power,
-    /// From the n-th operation on the disk is full: nothing is written, what is there can be read and synced.
-    Full,
-}
-
-#[derive(Debug, Default)]
-struct Inside {
-    /// What a reader sees.
-    bytes: Vec<u8>,
-    /// What survives a power cut for sure.
-    synced: Vec<u8>,
-    /// Since then: place and bytes of writes, and new lengths.
-    pending: Vec<(u64, Option<Vec<u8>>)>,
-    operations: u64,
-    fail_at: Option<(u64, Fault)>,
-}
-
-/// A disk in memory that outlives its handles.
-#[derive(Clone, Debug, Default)]
-struct Disk(Arc<Mutex<Inside>>);
-
-impl Disk {
-    fn with(bytes: &[u8], fail_at: Option<(u64, Fault)>) -> Self {
-        let (bytes, synced) = (bytes.to_vec(), bytes.to_vec());
-        Self(Arc::new(Mutex::new(Inside { bytes, synced, fail_at, ..Inside::default() })))
-    }
-
-    fn bytes(&self) -> Vec<u8> {
-        self.inside().bytes.clone()
-    }
-
-    fn inside(&self) -> MutexGuard<'_, Inside> {
-        self.0.lock().unwrap()
-    }
-
-    /// Counts an operation; an error where it fails.
-    fn step(&self, takes_room: bool) -> io::Result<MutexGuard<'_, Inside>> {
-        let mut inside = self.inside();
-        let number = inside.operations;
-        inside.operations += 1;
-        let fails = inside.fail_at.is_some_and(|(at, fault)| match fault {
-            Fault::Gone | Fault::Power => number >= at,
-            Fault::Once => number == at,
-            Fault::Full => number >= at && takes_room,
-        });
-        match (fails, inside.fail_at) {
-            (false, _) => Ok(inside),
-            (true, Some((_, Fault::Full))) => Err(io::Error::from(io::ErrorKind::StorageFull)),
-            (true, _) => Err(io::Error::other("the disk is gone")),
-        }
-    }
-
-    /// What is on the disk when the machine is started again.
-    fn after(&self, seed: u64) -> Vec<u8> {
-        let inside = self.inside();
-        if !matches!(inside.fail_at, Some((_, Fault::Power))) {
-            return inside.bytes.clone();
-        }
-        let mut next = noise(seed);
-        let mut bytes = inside.synced.clone();
-        for (place, data) in &inside.pending {
-            let place = *place as usize;
-            match (data, next() % 4) {
-                (_, 0) => {}
-                (None, _) => bytes.resize(place, 0),
-                (Some(data), 1) => {
-                    // Torn: some sectors of it, from either end.
-                    let cut = next() as usize % (data.len() + 1);
-                    let part = if next().is_multiple_of(2) { 0..cut } else { cut..data.len() };
-                    put(&mut bytes, place + part.start, &data[part]);
-                }
-                (Some(data), _) => put(&mut bytes, place, data),
-            }
-        }
-        bytes
-    }
-}
-
-fn put(bytes: &mut Vec<u8>, at: usize, data: &[u8]) {
-    if bytes.len() < at + data.len() {
-        bytes.resize(at + data.len(), 0);
-    }
-    bytes[at..at + data.len()].copy_from_slice(data);
-}
-
-impl StorageBackend for Disk {
-    fn len(&self) -> io::Result<u64> {
-        Ok(self.inside().bytes.len() as u64)
-    }
-
-    fn read(&self, offset: u64, out: &mut [u8]) -> io::Result<()> {
-        let inside = self.step(false)?;
-        let from = inside.bytes.get(offset as usize..offset as usize + out.len());
-        out.copy_from_slice(from.ok_or_else(|| io::Error::from(io::ErrorKind::UnexpectedEof))?);
-        Ok(())
-    }
-
-    fn set_len(&self, len: u64) -> io::Result<()> {
-        let grows = len > self.inside().bytes.len() as u64;
-        let mut inside = self.step(grows)?;
-        inside.bytes.resize(len as usize, 0);
-        inside.pending.push((len, None));
-        Ok(())
-    }
-
-    fn sync_data(&self) -> io::Result<()> {
-        let mut inside = self.step(false)?;
-        inside.synced = inside.bytes.clone();
-        inside.pending.clear();
-        Ok(())
-    }
-
-    fn write(&self, offset: u64, data: &[u8]) -> io::Result<()> {
-        let mut inside = self.step(true)?;
-        put(&mut inside.bytes, offset as usize, data);
-        inside.pending.push((offset, Some(data.to_vec())));
-        Ok(())
-    }
-}
 
 /// What can be done to a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -157,7 +27,7 @@ impl Act {
     /// Takes the store from the state before to the state after; or, where it is there already, changes nothing that counts.
     fn run(self, disk: &Disk) -> Result<(), Error> {
         if self == Self::Migrate {
-            hlacdb::migrations::migrate_with_backend(disk.clone()).map_err(|error| Error::Io {
+            hlacdb::internals::migrations::migrate_with_backend(disk.clone()).map_err(|error| Error::Io {
                 doing: "migrating",
                 path: None,
                 source: io::Error::other(error),
@@ -174,7 +44,7 @@ impl Act {
             }
             Self::Tag => drop(database.tag(1, &TagEdit::new().set("mood", "calm").unset("third"))?),
             Self::Remove => match database.remove(&[2, 3]) {
-                Err(Error::Store(hlacdb::store::StoreError::NoSuchTexture { .. })) => {}
+                Err(Error::Store(hlacdb::StoreError::NoSuchTexture { .. })) => {}
                 removed => drop(removed?),
             },
             Self::ReindexOptions => {
@@ -224,7 +94,7 @@ fn look(act: Act, bytes: &[u8]) -> Held {
     if act == Act::Migrate {
         // What came from version 0 has no statistics before it is reindexed: the store itself is looked at.
         let store = Store::options().open_with_backend(Disk::with(bytes, None)).unwrap();
-        let report = store.read().unwrap().verify(None, &mut silent).unwrap();
+        let report = store.read().unwrap().verify(None, &()).unwrap();
         assert!(report.is_ok(), "{:?}", report.damage);
         let records = store.read().unwrap().records().map(|record| record.unwrap()).collect::<Vec<_>>();
         return (records.into_iter().map(|one| (one.id, one.name, one.tags.into_iter().collect())).collect(), false);
@@ -239,7 +109,7 @@ fn look(act: Act, bytes: &[u8]) -> Held {
 fn sweep(act: Act, fault: Fault, begin: &[u8], stride: u64) -> u64 {
     let calm = Disk::with(begin, None);
     act.run(&calm).unwrap();
-    let total = calm.inside().operations;
+    let total = calm.operations();
     let after = look(act, &calm.bytes());
     let nothing = || {
         look(act, &{

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use hlacdb::migrations::{MigrateOptions, migrate};
-use hlacdb::{Database, Meta, Query, ReindexOptions, TagFilter};
+use hlacdb::internals::store::FORMAT_VERSION;
+use hlacdb::{Database, Meta, MigrateOptions, Query, ReindexOptions, TagFilter};
 
 use super::volume;
 
@@ -11,13 +11,13 @@ use super::volume;
 fn a_store_of_every_released_version_is_read_changed_and_verified() {
     let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/stores");
     let folder = tempfile::tempdir().unwrap();
-    for version in 1..=hlacdb::store::FORMAT_VERSION {
+    for version in 1..=FORMAT_VERSION {
         let packed = std::fs::read(fixtures.join(format!("v{version}.hlacdb.zst"))).unwrap();
         let path = folder.path().join(format!("v{version}"));
         std::fs::write(&path, zstd::decode_all(&packed[..]).unwrap()).unwrap();
-        let checked = migrate(&path, &MigrateOptions { check_only: true, backup: None }).unwrap();
+        let checked = Database::migrate(&path, &MigrateOptions::new().check_only(true)).unwrap();
         assert_eq!(checked.from, version);
-        migrate(&path, &MigrateOptions::default()).unwrap();
+        Database::migrate(&path, &MigrateOptions::new()).unwrap();
 
         let database = Database::open(&path).unwrap();
         assert!(database.verify(true, &()).unwrap().ok(), "{:?}", database.verify(true, &()).unwrap().damage);

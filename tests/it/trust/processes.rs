@@ -11,8 +11,7 @@ use hlacdb::{Database, Meta, Query, ReindexOptions};
 use serde_json::Value;
 
 use super::{long, volume};
-use crate::store::noise;
-use crate::support::write_npy;
+use crate::support::{noise, write_npy};
 
 fn hlacdb(store: &Path) -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin("hlacdb"));
