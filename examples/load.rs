@@ -14,7 +14,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use hlacdb::serve::{Server, Settings};
+use hlacdb::serve::{Server, ServerOptions};
 use hlacdb::synth::{self, Recipe};
 use hlacdb::volume::Volume;
 use hlacdb::{Database, ingest};
@@ -29,7 +29,7 @@ fn main() -> Outcome<()> {
     let database = Database::open(folder.path().join("load.hlacdb"))?;
     let recipe = Recipe::parse(synth::builtin("paper600").ok_or("there is no recipe paper600")?)?;
     ingest::synthesise(&database, &recipe, &(), &mut |_| {})?;
-    let server = Server::bind(database, Settings::default())?;
+    let server = Server::bind(database, ServerOptions::new())?;
     let (address, stopper) = (server.address(), server.stopper());
     let running = std::thread::spawn(move || server.run());
 

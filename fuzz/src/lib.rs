@@ -7,8 +7,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock};
 
-use hlacdb::serve::Settings;
-use hlacdb::serve::fuzz::Door;
+use hlacdb::serve::ServerOptions;
+use hlacdb::serve::fuzz::InProcessServer;
 use hlacdb::space::{NuisanceStatistics, Space, Statistics};
 use hlacdb::synth::Recipe;
 use hlacdb::volume::{self, Endian, Intensity, RawLayout, ReadOptions, SampleType, Volume};
@@ -239,15 +239,15 @@ pub fn filter(data: &[u8]) {
 /// Requests to the server, each as its text: any answer will do but the server's own failure, or a path of this machine.
 /// `UPLOAD` stands for the token of the volume that was asked with last.
 pub fn http(data: &[u8]) {
-    static DOOR: OnceLock<Mutex<(Door, Vec<u8>)>> = OnceLock::new();
+    static SERVER: OnceLock<Mutex<(InProcessServer, Vec<u8>)>> = OnceLock::new();
     let opened = || {
-        let settings = Settings { read_only: true, max_voxels: LIMIT, max_body: 1 << 20, ..Settings::default() };
-        Mutex::new((Door::open(small(), settings).expect("a server"), b"UPLOAD".to_vec()))
+        let options = ServerOptions::new().read_only(true).max_voxels(LIMIT).max_body(1 << 20);
+        Mutex::new((InProcessServer::open(small(), options).expect("a server"), b"UPLOAD".to_vec()))
     };
-    let mut held = DOOR.get_or_init(opened).lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let (door, token) = &mut *held;
+    let mut held = SERVER.get_or_init(opened).lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let (server, token) = &mut *held;
     let request = replaced(data, b"UPLOAD", token);
-    let Some((status, body)) = door.answer(&request) else { return };
+    let Some((status, body)) = server.answer(&request) else { return };
     assert!(status < 500, "{status}: {}", String::from_utf8_lossy(&body));
     for path in [folder().to_path_buf(), std::env::temp_dir().join("hlacdb-")] {
         let path = path.to_string_lossy();

@@ -1,4 +1,4 @@
-//! The page's own files: part of the program, or read from a folder for who works on them.
+//! The files of the page: compiled into the program, or read from a folder during development.
 
 use std::path::{Component, Path};
 use std::sync::Arc;
@@ -10,18 +10,18 @@ use axum::response::{IntoResponse, Response};
 use rust_embed::Embed;
 
 use super::problem::Problem;
-use super::reply::{is_known, tag_of};
+use super::reply::{self, CachePolicy};
 use super::state::App;
 
-/// The page as it was when the program was built; in debug builds, as it is now.
+/// The files as they were when the program was built; debug builds read them from the source tree.
 #[derive(Embed)]
 #[folder = "src/serve/page/"]
 struct Page;
 
-/// The page itself; every address that is no file's belongs to it, for it keeps what it shows in its address.
+/// The page. It is sent for every address without a file extension, because the page keeps its state in the address.
 const INDEX: &str = "index.html";
 
-/// Whatever is not the API.
+/// Answers every request that no route of the API answers.
 pub(crate) async fn asset(
     State(app): State<Arc<App>>,
     method: Method,
@@ -33,29 +33,30 @@ pub(crate) async fn asset(
         return Ok(StatusCode::NOT_FOUND.into_response());
     }
     let name = if Path::new(path).extension().is_none() { INDEX } else { path };
-    let folder = app.settings.page.clone();
+    let folder = app.options.page.clone();
     let wanted = name.to_owned();
     let found = tokio::task::spawn_blocking(move || content(folder.as_deref(), &wanted)).await;
     let Ok(Some(bytes)) = found else {
         return Err(Problem::not_found(format!("the page has no file /{}", name.escape_default())));
     };
-    let tag = tag_of(&[&bytes]);
-    let mut response =
-        if is_known(&headers, &tag) { StatusCode::NOT_MODIFIED.into_response() } else { bytes.into_response() };
-    let kind = mime_guess::from_path(name).first_or_octet_stream();
-    let kind = if kind.type_() == "text" { format!("{kind}; charset=utf-8") } else { kind.to_string() };
-    for (name, value) in
-        [(header::CONTENT_TYPE, kind.as_str()), (header::ETAG, &tag), (header::CACHE_CONTROL, "no-cache")]
-    {
-        if let Ok(value) = HeaderValue::from_str(value) {
-            response.headers_mut().insert(name, value);
-        }
+    let tag = reply::entity_tag(&[&bytes]);
+    let mut response = if reply::client_has(&headers, &tag) {
+        StatusCode::NOT_MODIFIED.into_response()
+    } else {
+        bytes.into_response()
+    };
+    let media_type = mime_guess::from_path(name).first_or_octet_stream();
+    let media_type =
+        if media_type.type_() == "text" { format!("{media_type}; charset=utf-8") } else { media_type.to_string() };
+    if let Ok(value) = HeaderValue::from_str(&media_type) {
+        response.headers_mut().insert(header::CONTENT_TYPE, value);
     }
+    reply::set_tag(&mut response, &tag, CachePolicy::Revalidate);
     Ok(response)
 }
 
 fn content(folder: Option<&Path>, name: &str) -> Option<Bytes> {
-    // No name leads out of the folder.
+    // No name may lead out of the folder.
     if !Path::new(name).components().all(|component| matches!(component, Component::Normal(_))) {
         return None;
     }

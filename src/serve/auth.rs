@@ -1,140 +1,82 @@
-//! Who may come in, and what every answer says to the browser.
+//! Authentication: who may send requests, and who may change the store.
+//!
+//! Without a token the server answers only requests that name this machine in their `Host`, which defeats DNS rebinding.
+//! With a token, programs send `Authorization: Bearer TOKEN`; a browser opens `/?token=TOKEN` once and gets a cookie.
+//! Requests that change something are refused if a browser says that another site's page sent them.
 
-use std::sync::Arc;
-
-use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, header};
-use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
-use futures_util::StreamExt;
+use axum::extract::{Query, Request};
+use axum::http::{HeaderMap, Method, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Redirect, Response};
+use axum_extra::extract::CookieJar;
+use axum_extra::extract::cookie::{Cookie, SameSite};
+use axum_extra::headers::HeaderMapExt;
+use axum_extra::headers::authorization::{Authorization, Bearer};
 
 use super::problem::Problem;
-use super::state::App;
 
 const COOKIE: &str = "hlacdb";
 
-/// The page loads nothing from elsewhere, and nobody frames it.
-const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; object-src 'none'; base-uri 'none'; \
-                      form-action 'self'; frame-ancestors 'none'";
-
-/// What every answer carries.
-const HEADERS: [(HeaderName, &str); 5] = [
-    (header::CONTENT_SECURITY_POLICY, POLICY),
-    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-    (header::REFERRER_POLICY, "no-referrer"),
-    (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
-    (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
-];
-
-/// Lets in who may come in, within the time a request has, and dresses the answer.
-pub(crate) async fn guard(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
-    let limit = app.settings.time;
-    let mut response = match admit(&app, &request) {
-        Err(refused) => refused.into_response(),
-        Ok(Admitted::Redirect(response)) => response,
-        Ok(Admitted::In) if is_too_large(&app, request.headers()) => {
-            let _ = tokio::time::timeout(limit, drain(request)).await;
-            Problem::new(StatusCode::PAYLOAD_TOO_LARGE, too_large(&app)).into_response()
-        }
-        Ok(Admitted::In) => match tokio::time::timeout(limit, next.run(request)).await {
-            Ok(response) => as_problem(&app, response).await,
-            Err(_) => {
-                let sentence = format!("the answer was not there within {} seconds: ask for less", limit.as_secs());
-                Problem::new(StatusCode::GATEWAY_TIMEOUT, sentence).into_response()
-            }
-        },
-    };
-    for (name, value) in HEADERS {
-        response.headers_mut().insert(name, HeaderValue::from_static(value));
-    }
-    response
+/// What an admitted request gets.
+pub(crate) enum Admission {
+    /// It is passed on to its route.
+    Proceed,
+    /// It brought the token in its address: it is sent to the page with a cookie.
+    SetCookie(Response),
 }
 
-/// A body that says beforehand that it is longer than what is taken.
-fn is_too_large(app: &App, headers: &HeaderMap) -> bool {
-    let length = headers.get(header::CONTENT_LENGTH).and_then(|length| length.to_str().ok());
-    length.and_then(|length| length.parse::<u64>().ok()).is_some_and(|length| length > app.settings.max_body)
-}
-
-/// So much of a refused body is read, and thrown away.
-const DRAINED: usize = 64 << 20;
-
-/// Reads on, so that the caller, who is still sending, hears why it is refused and not only that the connection broke.
-async fn drain(request: Request) {
-    let (mut body, mut read) = (request.into_body().into_data_stream(), 0);
-    while let Some(Ok(chunk)) = body.next().await {
-        read += chunk.len();
-        if read > DRAINED {
-            break;
-        }
-    }
-}
-
-enum Admitted {
-    In,
-    Redirect(Response),
-}
-
-fn admit(app: &App, request: &Request) -> Result<Admitted, Problem> {
+/// Admits a request, or says why it is refused.
+///
+/// # Errors
+/// 401 without the token, 403 for a foreign host name or another site's page.
+pub(crate) fn admit(token: Option<&str>, request: &Request) -> Result<Admission, Problem> {
     let headers = request.headers();
-    if app.settings.token.is_none() && !names_this_machine(headers, request.uri()) {
-        // A page whose own name was made to lead to this address would be of the same origin: its name betrays it.
-        let sentence = "this server is for this machine alone: call it 127.0.0.1 or localhost";
-        return Err(Problem::new(StatusCode::FORBIDDEN, sentence));
+    if token.is_none() && !names_this_machine(headers, request.uri()) {
+        let detail = "this server answers this machine only: address it as 127.0.0.1 or localhost";
+        return Err(Problem::new(StatusCode::FORBIDDEN, detail));
     }
     let changes = !matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
     if changes && !is_same_origin(headers) {
-        let sentence = "another site's page may not change anything here: use the page of this server, or a program";
-        return Err(Problem::new(StatusCode::FORBIDDEN, sentence));
+        let detail = "pages of other sites may not change anything here: use the page of this server, or a program";
+        return Err(Problem::new(StatusCode::FORBIDDEN, detail));
     }
-    let Some(token) = &app.settings.token else { return Ok(Admitted::In) };
-    if request.uri().path() == "/" && given_in_query(request.uri()).is_some_and(|given| same(&given, token)) {
-        return Ok(Admitted::Redirect(with_cookie(token)));
+    let Some(token) = token else { return Ok(Admission::Proceed) };
+    if request.uri().path() == "/" && token_in_query(request.uri()).is_some_and(|given| equal(&given, token)) {
+        return Ok(Admission::SetCookie(redirect_with_cookie(token)));
     }
-    let bearer = headers.get(header::AUTHORIZATION).and_then(|value| value.to_str().ok());
-    let bearer = bearer.and_then(|value| value.split_once(' ')).filter(|(how, _)| how.eq_ignore_ascii_case("bearer"));
-    let shown = bearer.is_some_and(|(_, given)| same(given.trim(), token));
-    if shown || cookies(headers).any(|given| same(given, &cookie_value(token))) {
-        return Ok(Admitted::In);
+    let bearer = headers.typed_get::<Authorization<Bearer>>();
+    let cookies = CookieJar::from_headers(headers);
+    if bearer.is_some_and(|bearer| equal(bearer.token(), token))
+        || cookies.get(COOKIE).is_some_and(|cookie| equal(cookie.value(), &cookie_value(token)))
+    {
+        return Ok(Admission::Proceed);
     }
-    let sentence = "a token is needed: open the page as /?token=TOKEN, or send `Authorization: Bearer TOKEN`";
-    Err(Problem::new(StatusCode::UNAUTHORIZED, sentence))
+    let detail = "a token is required: open the page as /?token=TOKEN, or send `Authorization: Bearer TOKEN`";
+    Err(Problem::new(StatusCode::UNAUTHORIZED, detail))
 }
 
-/// Whether two secrets are the same, in a time that does not tell how much of them is.
-fn same(a: &str, b: &str) -> bool {
-    // Hashes of this type are compared in constant time.
+/// Compares two secrets in constant time.
+fn equal(a: &str, b: &str) -> bool {
+    // Comparison of `blake3::Hash` takes constant time.
     blake3::hash(a.as_bytes()) == blake3::hash(b.as_bytes())
 }
 
-/// What the cookie holds: not the token itself, which may be used elsewhere too.
+/// The value of the cookie: derived from the token, which may be used elsewhere too.
 fn cookie_value(token: &str) -> String {
-    blake3::derive_key("hlacdb serve, cookie of the page", token.as_bytes())
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
+    let key = blake3::derive_key("hlacdb serve, cookie of the page", token.as_bytes());
+    blake3::Hash::from_bytes(key).to_hex().to_string()
 }
 
-fn with_cookie(token: &str) -> Response {
-    let cookie = format!("{COOKIE}={}; Path=/; HttpOnly; SameSite=Strict", cookie_value(token));
-    let headers = [(header::SET_COOKIE, cookie), (header::LOCATION, "/".to_owned())];
-    (StatusCode::SEE_OTHER, headers).into_response()
+fn redirect_with_cookie(token: &str) -> Response {
+    let cookie = Cookie::build((COOKIE, cookie_value(token))).path("/").http_only(true).same_site(SameSite::Strict);
+    (CookieJar::new().add(cookie), Redirect::to("/")).into_response()
 }
 
-fn given_in_query(uri: &Uri) -> Option<String> {
-    let query = axum::extract::Query::<Vec<(String, String)>>::try_from_uri(uri).ok()?;
+fn token_in_query(uri: &Uri) -> Option<String> {
+    let query = Query::<Vec<(String, String)>>::try_from_uri(uri).ok()?;
     query.0.into_iter().find(|(key, _)| key == "token").map(|(_, value)| value)
 }
 
-fn cookies(headers: &HeaderMap) -> impl Iterator<Item = &str> {
-    let lines = headers.get_all(header::COOKIE).iter().filter_map(|value| value.to_str().ok());
-    lines
-        .flat_map(|line| line.split(';'))
-        .filter_map(|pair| pair.trim().split_once('='))
-        .filter_map(|(name, value)| (name == COOKIE).then_some(value))
-}
-
-/// The host that the caller meant, without its port; empty where what was sent is no host.
+/// The host that the request is addressed to, without its port; empty if what was sent is not a host.
 fn host<'a>(headers: &'a HeaderMap, uri: &'a Uri) -> Option<&'a str> {
     let host = match uri.authority() {
         Some(authority) => authority.as_str(),
@@ -146,18 +88,21 @@ fn host<'a>(headers: &'a HeaderMap, uri: &'a Uri) -> Option<&'a str> {
     }
 }
 
+/// A page whose own host name was made to resolve to this machine (DNS rebinding) would count as the same origin, but its
+/// requests still carry that name.
 fn names_this_machine(headers: &HeaderMap, uri: &Uri) -> bool {
     match host(headers, uri) {
         Some(host) => {
             host.eq_ignore_ascii_case("localhost")
                 || host.parse::<std::net::IpAddr>().is_ok_and(|address| address.is_loopback())
         }
-        // Programs that speak HTTP/1.0 name no host; browsers always do.
+        // HTTP/1.0 programs may omit the host; browsers always send it.
         None => true,
     }
 }
 
-/// Whether a browser says that its request comes from this server's own page; programs say nothing.
+/// Whether a browser says that the request comes from this server's own page. Programs other than browsers say nothing and
+/// are let in.
 fn is_same_origin(headers: &HeaderMap) -> bool {
     let text = |name: &str| headers.get(name).and_then(|value| value.to_str().ok());
     match (text("sec-fetch-site"), text("origin"), text("host")) {
@@ -168,64 +113,34 @@ fn is_same_origin(headers: &HeaderMap) -> bool {
     }
 }
 
-/// Errors that are not ours (a route that is none, a query that cannot be read) become problems too.
-async fn as_problem(app: &App, response: Response) -> Response {
-    let status = response.status();
-    let kind = response.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
-    if !(status.is_client_error() || status.is_server_error())
-        || kind.starts_with("application/problem+json")
-        || status == StatusCode::RANGE_NOT_SATISFIABLE
-    {
-        return response;
-    }
-    let (parts, body) = response.into_parts();
-    let text = axum::body::to_bytes(body, 4096).await.unwrap_or_default();
-    let said = String::from_utf8_lossy(&text).trim().to_owned();
-    let sentence = match status {
-        StatusCode::NOT_FOUND => "there is nothing here: /api/v1/openapi.json lists what there is".to_owned(),
-        StatusCode::METHOD_NOT_ALLOWED => "this cannot be done here: /api/v1/openapi.json lists what can".to_owned(),
-        StatusCode::PAYLOAD_TOO_LARGE => too_large(app),
-        _ if said.is_empty() => "the request cannot be answered".to_owned(),
-        _ => said,
-    };
-    let mut problem = Problem::new(status, sentence).into_response();
-    if let Some(allow) = parts.headers.get(header::ALLOW) {
-        problem.headers_mut().insert(header::ALLOW, allow.clone());
-    }
-    problem
-}
-
-/// The sentence about a body that is too long.
-pub(crate) fn too_large(app: &App) -> String {
-    format!(
-        "the body is longer than the {} bytes that this server takes: send less at once, or start it with a larger --max-body",
-        app.settings.max_body
-    )
-}
-
 #[cfg(test)]
 mod tests {
+    use axum::body::Body;
+    use axum::http::{HeaderName, HeaderValue};
+
     use super::*;
+
+    const TOKEN: &str = "0123456789abcdef0123";
 
     fn headers(pairs: &[(&'static str, &'static str)]) -> HeaderMap {
         pairs.iter().map(|&(name, value)| (HeaderName::from_static(name), HeaderValue::from_static(value))).collect()
     }
 
     #[test]
-    fn only_this_machines_own_names_are_answered_to() {
+    fn only_names_of_this_machine_are_accepted() {
         let uri = Uri::from_static("/");
         for host in ["localhost", "LOCALHOST:80", "127.0.0.1:8080", "127.9.9.9", "[::1]:80"] {
-            let named = HeaderMap::from_iter([(header::HOST, HeaderValue::from_static(host))]);
-            assert!(names_this_machine(&named, &uri), "{host}");
+            let headers = HeaderMap::from_iter([(header::HOST, HeaderValue::from_static(host))]);
+            assert!(names_this_machine(&headers, &uri), "{host}");
         }
         for host in ["evil.example", "localhost.evil.example:80", "10.0.0.1", "[2001:db8::1]", "[::1"] {
-            let named = HeaderMap::from_iter([(header::HOST, HeaderValue::from_static(host))]);
-            assert!(!names_this_machine(&named, &uri), "{host}");
+            let headers = HeaderMap::from_iter([(header::HOST, HeaderValue::from_static(host))]);
+            assert!(!names_this_machine(&headers, &uri), "{host}");
         }
     }
 
     #[test]
-    fn other_sites_are_told_by_what_browsers_say() {
+    fn requests_of_other_sites_are_recognised() {
         assert!(is_same_origin(&headers(&[("host", "127.0.0.1:80")])));
         assert!(is_same_origin(&headers(&[("host", "127.0.0.1:80"), ("origin", "http://127.0.0.1:80")])));
         assert!(is_same_origin(&headers(&[("sec-fetch-site", "same-origin"), ("origin", "null")])));
@@ -233,5 +148,18 @@ mod tests {
         assert!(!is_same_origin(&headers(&[("host", "127.0.0.1:80"), ("origin", "null")])));
         assert!(!is_same_origin(&headers(&[("sec-fetch-site", "cross-site")])));
         assert!(!is_same_origin(&headers(&[("sec-fetch-site", "same-site")])));
+    }
+
+    #[test]
+    fn a_cookie_is_derived_from_the_token_and_admits() {
+        let value = cookie_value(TOKEN);
+        assert!(value.len() == 64 && !value.contains(TOKEN));
+        let with = |name: &str, value: String| {
+            let request = Request::builder().uri("/api/v1/health").header(name, value).body(Body::empty()).unwrap();
+            matches!(admit(Some(TOKEN), &request), Ok(Admission::Proceed))
+        };
+        assert!(with("cookie", format!("a=b; hlacdb={value}; c")));
+        assert!(!with("cookie", format!("hlacdb={TOKEN}")) && !with("cookie", format!("other={value}")));
+        assert!(with("authorization", format!("BEARER {TOKEN}")) && !with("authorization", format!("Bearer {value}")));
     }
 }

@@ -1,6 +1,6 @@
-//! What is sent as a form: files, into a private folder that is gone with the request, and fields.
+//! Multipart forms: their files are received into a private folder that is removed with the request.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,169 +9,137 @@ use axum::http::StatusCode;
 use tempfile::TempDir;
 use tokio::io::AsyncWriteExt;
 
-use super::auth::too_large;
+use super::limits;
+use super::parameters;
+use super::paths::Roots;
 use super::problem::Problem;
-use super::routes::textures::parse_filter;
-use super::settings::Settings;
 use super::state::App;
 use crate::ingest::Options;
-use crate::volume::{self, ReadOptions};
+use crate::volume;
 
-/// So many files one form may hold, ...
-const MOST_FILES: usize = 10_000;
-/// ... and so many bytes one of its fields.
-const LONGEST_FIELD: usize = 1 << 20;
-/// So many bytes of a file's name are kept: file systems take 255.
-const LONGEST_NAME: usize = 240;
+/// How many files a form may have.
+const MAX_FILES: usize = 10_000;
+/// How many bytes a field that is not a file may have.
+const MAX_FIELD_BYTES: usize = 1 << 20;
+/// How many bytes of a file name are kept; file systems take 255.
+const MAX_NAME_BYTES: usize = 240;
+/// The folder that files are received into.
+const FILES: &str = "files";
 
 /// The files and fields of a form.
-pub(crate) struct Intake {
-    /// Removed, with all that is in it, when this is dropped.
+pub(crate) struct UploadedForm {
+    /// Removed with everything in it when this is dropped.
     folder: TempDir,
-    /// The names of the files, in the order in which they came.
+    /// The names of the files in the order of the form.
     names: Vec<String>,
     pub(crate) fields: Vec<(String, String)>,
 }
 
-impl Intake {
-    /// Takes a form in, file by file, without holding one in memory.
+/// The volumes of a form.
+pub(crate) struct UploadedVolumes {
+    /// Their files and folders.
+    pub(crate) paths: Vec<PathBuf>,
+    /// The folder below which their paths are those that the sender knows.
+    pub(crate) root: PathBuf,
+}
+
+impl UploadedForm {
+    /// Receives a form. Files go to disk as they arrive.
     pub(crate) async fn receive(app: &Arc<App>, mut form: Multipart) -> Result<Self, Problem> {
-        let _place = app.forms.place().await?;
-        let broken = |error: MultipartError| refused(app, &error);
-        let folder = tempfile::Builder::new().prefix("hlacdb-").tempdir().map_err(failed)?;
-        let (mut names, mut fields, mut taken) = (Vec::new(), Vec::new(), HashSet::new());
-        while let Some(field) = form.next_field().await.map_err(broken)? {
+        let _permit = app.form_limit.acquire().await?;
+        let max_body = app.options.max_body;
+        let malformed = |error: MultipartError| malformed_form(max_body, &error);
+        let folder = tempfile::Builder::new().prefix("hlacdb-").tempdir().map_err(disk_failure)?;
+        let (mut names, mut fields, mut used) = (Vec::new(), Vec::new(), HashSet::new());
+        while let Some(field) = form.next_field().await.map_err(malformed)? {
             let Some(given) = field.file_name() else {
                 let name = field.name().unwrap_or_default().to_owned();
-                let text = text(field).await.map_err(|error| refused_field(app, error))?;
+                let text = receive_text(field).await.map_err(|error| error.into_problem(max_body))?;
                 fields.push((name, text));
                 continue;
             };
-            if names.len() == MOST_FILES {
-                let sentence = format!("a form holds at most {MOST_FILES} files: send them in several");
-                return Err(Problem::new(StatusCode::PAYLOAD_TOO_LARGE, sentence));
+            if names.len() == MAX_FILES {
+                let detail = format!("a form may have at most {MAX_FILES} files: send several forms");
+                return Err(Problem::new(StatusCode::PAYLOAD_TOO_LARGE, detail));
             }
             let name = safe_name(given);
-            // A second file of the same name gets a folder of its own.
-            let mut place = folder.path().join(FILES);
-            if !taken.insert(name.clone()) {
-                place.push(untaken(&mut taken));
+            // A second file with the same name goes to a folder of its own.
+            let mut parent = folder.path().join(FILES);
+            if !used.insert(name.clone()) {
+                parent.push(unused_name(&mut used));
             }
-            tokio::fs::create_dir_all(&place).await.map_err(failed)?;
-            write(field, &place.join(&name)).await.map_err(|error| refused_field(app, error))?;
+            tokio::fs::create_dir_all(&parent).await.map_err(disk_failure)?;
+            let received = receive_file(field, &parent.join(&name)).await;
+            received.map_err(|error| error.into_problem(max_body))?;
             names.push(name);
         }
         Ok(Self { folder, names, fields })
     }
 
-    /// Where the volumes are that came, and the folder below which their paths mean something to the sender. Slices are
-    /// one volume, called by what their names share.
-    pub(crate) fn volumes(&self) -> Result<(Vec<PathBuf>, PathBuf), Problem> {
+    /// The volumes that were sent. Slices of one volume become a folder that is named by what their names share.
+    pub(crate) fn volumes(&self) -> Result<UploadedVolumes, Problem> {
         if self.names.is_empty() {
             return Err(Problem::bad_request("the form has no file: send one or more as `file`"));
         }
         let files = self.folder.path().join(FILES);
-        let found = volume::uploaded_volumes(&files).map_err(failed)?;
-        if !found.contains(&files) {
-            return Ok((found, files));
+        let paths = volume::uploaded_volumes(&files).map_err(disk_failure)?;
+        if !paths.contains(&files) {
+            return Ok(UploadedVolumes { paths, root: files });
         }
         let stack = self.folder.path().join(stack_name(&self.names));
-        std::fs::rename(&files, &stack).map_err(failed)?;
-        Ok((volume::uploaded_volumes(&stack).map_err(failed)?, self.folder.path().to_path_buf()))
+        std::fs::rename(&files, &stack).map_err(disk_failure)?;
+        let paths = volume::uploaded_volumes(&stack).map_err(disk_failure)?;
+        Ok(UploadedVolumes { paths, root: self.folder.path().to_path_buf() })
     }
 
-    /// How the files are read and tagged, as the fields say: `tag` (`KEY=VALUE`, repeated), `intensity`, `block`.
-    pub(crate) fn options(&self, app: &App) -> Result<Options, Problem> {
-        let mut options = Options { reading: reading(app), ..Options::default() };
+    /// How the files are read and tagged, from the fields `tag` (`KEY=VALUE`, repeated), `intensity` and `block`.
+    pub(crate) fn ingest_options(&self, app: &App) -> Result<Options, Problem> {
+        let mut options = Options { reading: parameters::read_options(&app.options), ..Options::default() };
         for (key, value) in &self.fields {
             match key.as_str() {
-                "tag" => options.tags.extend([tag(value)?]),
-                "intensity" => options.reading.intensity = intensity(value)?,
-                "block" => options.block = Some(block(value)?),
-                _ => {
-                    let sentence =
-                        format!("'{}' is no field of this form: use file, tag, intensity, block", key.escape_debug());
-                    return Err(Problem::bad_request(sentence));
-                }
+                "tag" => options.tags.extend([parameters::tag(value)?]),
+                "intensity" => options.reading.intensity = parameters::intensity(value)?,
+                "block" => options.block = Some(parameters::block_side(value)?),
+                _ => return Err(unknown_field(key, "file, tag, intensity, block")),
             }
         }
         Ok(options)
     }
 
-    /// A text of the library without the folder that the files lie in for a moment.
-    pub(crate) fn shown(&self, text: &str) -> String {
+    /// The folders of the uploaded files: answers name them as the sender did.
+    pub(crate) fn roots(&self) -> Roots {
         let folder = self.folder.path();
-        let inner = volume::display_path(&folder.join(FILES));
-        let stack = volume::display_path(&folder.join(stack_name(&self.names)));
-        let text = text.replace(&format!("{inner}/"), "").replace(&format!("{stack}/"), "");
-        let folder = volume::display_path(folder);
-        text.replace(&format!("{folder}/"), "").replace(&folder, "the upload")
+        Roots::new([folder.join(FILES), folder.join(stack_name(&self.names)), folder.to_owned()])
     }
 }
 
-/// The folder in which files wait until all have come.
-const FILES: &str = "files";
-
-/// How files of strangers are read.
-pub(crate) fn reading(app: &App) -> ReadOptions {
-    let &Settings { max_voxels, max_inflated, .. } = &app.settings;
-    ReadOptions::new().max_voxels(max_voxels).max_inflated(max_inflated)
+/// The problem of a field that a form does not have.
+pub(crate) fn unknown_field(key: &str, known: &str) -> Problem {
+    Problem::bad_request(format!("this form has no field '{}'; its fields: {known}", key.escape_debug()))
 }
 
-/// `KEY=VALUE` with neither side empty.
-fn tag(text: &str) -> Result<(String, String), Problem> {
-    let pair = parse_filter(text)?;
-    if pair.value().is_empty() {
-        return Err(Problem::bad_request(format!("'{}' has no value", text.escape_debug())));
-    }
-    Ok((pair.key().to_owned(), pair.value().to_owned()))
-}
-
-pub(crate) fn tags(tags: BTreeMap<String, String>) -> Result<BTreeMap<String, String>, Problem> {
-    match tags.iter().find(|(key, value)| key.is_empty() || value.is_empty()) {
-        Some((key, value)) => {
-            let sentence =
-                format!("'{}={}' is no tag: neither side may be empty", key.escape_debug(), value.escape_debug());
-            Err(Problem::bad_request(sentence))
-        }
-        None => Ok(tags),
-    }
-}
-
-pub(crate) fn intensity(text: &str) -> Result<volume::Intensity, Problem> {
-    text.parse().map_err(|error: volume::IntensityError| Problem::bad_request(error.to_string()))
-}
-
-fn block(text: &str) -> Result<usize, Problem> {
-    let side = text.parse().ok().filter(|side| BLOCKS.contains(side));
-    side.ok_or_else(|| Problem::bad_request(format!("'{}' is no side of a block: use 3 to 4096", text.escape_debug())))
-}
-
-/// The sides that a block may have.
-pub(crate) const BLOCKS: std::ops::RangeInclusive<usize> = 3..=4096;
-
-/// The last part of a name, without what could make it mean something else to the file system.
+/// The last component of a name, without characters that have a meaning to file systems.
 fn safe_name(given: &str) -> String {
     let last = given.rsplit(['/', '\\']).next().unwrap_or_default();
     let clean: String =
         last.chars().map(|letter| if letter.is_control() || letter == ':' { '_' } else { letter }).collect();
     let clean = clean.trim_start_matches('.').trim();
-    // The end of a name says what the file is: of a long one, the beginning goes.
-    let from = clean.ceil_char_boundary(clean.len().saturating_sub(LONGEST_NAME));
+    // Of a long name the end is kept, because the extension tells the format.
+    let from = clean.ceil_char_boundary(clean.len().saturating_sub(MAX_NAME_BYTES));
     let kept = clean.get(from..).unwrap_or_default().trim_start_matches('.').trim();
     if kept.is_empty() { "file".to_owned() } else { kept.to_owned() }
 }
 
-/// A name for a folder beside the files that no file among them has, or will have.
-fn untaken(taken: &mut HashSet<String>) -> String {
-    let mut number = taken.len();
-    while !taken.insert(number.to_string()) {
+/// A name for a folder beside the files that no file has or will have.
+fn unused_name(used: &mut HashSet<String>) -> String {
+    let mut number = used.len();
+    while !used.insert(number.to_string()) {
         number += 1;
     }
     number.to_string()
 }
 
-/// What the names of a stack's slices share: `core` for `core_001.png`, `core_002.png`.
+/// What the names of slices share: `core` for `core_001.png`, `core_002.png`.
 fn stack_name(names: &[String]) -> String {
     let first = names.first().map_or("", String::as_str);
     let stem = first.split('.').next().unwrap_or_default();
@@ -183,55 +151,58 @@ fn stack_name(names: &[String]) -> String {
     if shared.is_empty() || shared == FILES { "slices".to_owned() } else { shared.to_owned() }
 }
 
-/// Why a field was not taken in.
-enum Refused {
+/// Why a field could not be received.
+enum FieldError {
     Form(MultipartError),
     TooLong,
     Disk(std::io::Error),
 }
 
-async fn text(mut field: Field<'_>) -> Result<String, Refused> {
+impl FieldError {
+    fn into_problem(self, max_body: u64) -> Problem {
+        match self {
+            Self::Form(error) => malformed_form(max_body, &error),
+            Self::TooLong => {
+                let detail = format!("a field may have at most {MAX_FIELD_BYTES} bytes");
+                Problem::new(StatusCode::PAYLOAD_TOO_LARGE, detail)
+            }
+            Self::Disk(error) => disk_failure(error),
+        }
+    }
+}
+
+async fn receive_text(mut field: Field<'_>) -> Result<String, FieldError> {
     let mut bytes = Vec::new();
-    while let Some(chunk) = field.chunk().await.map_err(Refused::Form)? {
-        if bytes.len() + chunk.len() > LONGEST_FIELD {
-            return Err(Refused::TooLong);
+    while let Some(chunk) = field.chunk().await.map_err(FieldError::Form)? {
+        if bytes.len() + chunk.len() > MAX_FIELD_BYTES {
+            return Err(FieldError::TooLong);
         }
         bytes.extend_from_slice(&chunk);
     }
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-async fn write(mut field: Field<'_>, path: &Path) -> Result<(), Refused> {
-    let mut file = tokio::fs::File::create_new(path).await.map_err(Refused::Disk)?;
-    while let Some(chunk) = field.chunk().await.map_err(Refused::Form)? {
-        file.write_all(&chunk).await.map_err(Refused::Disk)?;
+async fn receive_file(mut field: Field<'_>, path: &Path) -> Result<(), FieldError> {
+    let mut file = tokio::fs::File::create_new(path).await.map_err(FieldError::Disk)?;
+    while let Some(chunk) = field.chunk().await.map_err(FieldError::Form)? {
+        file.write_all(&chunk).await.map_err(FieldError::Disk)?;
     }
-    file.flush().await.map_err(Refused::Disk)
+    file.flush().await.map_err(FieldError::Disk)
 }
 
-fn refused_field(app: &App, error: Refused) -> Problem {
-    match error {
-        Refused::Form(error) => refused(app, &error),
-        Refused::TooLong => {
-            Problem::new(StatusCode::PAYLOAD_TOO_LARGE, format!("a field holds at most {LONGEST_FIELD} bytes"))
-        }
-        Refused::Disk(error) => failed(error),
-    }
-}
-
-fn refused(app: &App, error: &MultipartError) -> Problem {
+fn malformed_form(max_body: u64, error: &MultipartError) -> Problem {
     match error.status() {
-        StatusCode::PAYLOAD_TOO_LARGE => Problem::new(StatusCode::PAYLOAD_TOO_LARGE, too_large(app)),
+        StatusCode::PAYLOAD_TOO_LARGE => limits::body_too_long(max_body),
         status => Problem::new(status, error.body_text()),
     }
 }
 
-/// Our own disk's fault.
-fn failed(error: std::io::Error) -> Problem {
-    tracing::error!(%error, "an upload could not be kept");
+/// The problem of an upload that the server's disk did not take.
+fn disk_failure(error: std::io::Error) -> Problem {
+    tracing::error!(%error, "an upload could not be written to disk");
     let full = error.kind() == std::io::ErrorKind::StorageFull;
     let status = if full { StatusCode::INSUFFICIENT_STORAGE } else { StatusCode::INTERNAL_SERVER_ERROR };
-    Problem::new(status, "the server could not keep the upload: its log says more")
+    Problem::new(status, "the server could not write the upload to disk: its log has the details")
 }
 
 #[cfg(test)]
@@ -259,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stack_is_called_by_what_its_names_share() {
+    fn a_stack_is_named_by_what_its_slices_share() {
         let name = |names: &[&str]| stack_name(&names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>());
         assert_eq!(name(&["core_001.png", "core_002.png", "core_010.png"]), "core");
         assert_eq!(name(&["1.png", "2.png"]), "slices");

@@ -1,4 +1,4 @@
-//! Long work beside the requests, how far it is, and how it is stopped.
+//! Jobs: long work on threads of its own, with progress and cancellation.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,14 +12,14 @@ use super::problem::Problem;
 use super::state::App;
 use crate::{Error, Progress, chain};
 
-/// So many jobs that have ended are remembered.
+/// How many jobs are remembered, running ones included.
 const REMEMBERED: usize = 100;
-/// So many may run at once.
-const RUNNING: usize = 4;
+/// How many jobs may run at once.
+const MAX_RUNNING: usize = 4;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, utoipa::ToSchema)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum State {
+pub(crate) enum JobState {
     Running,
     Done,
     Failed,
@@ -28,64 +28,76 @@ pub(crate) enum State {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, utoipa::ToSchema)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum Kind {
+pub(crate) enum JobKind {
     Reindex,
     Ingest,
 }
 
-/// A job as callers see it.
+impl JobKind {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Reindex => "reindex",
+            Self::Ingest => "ingest",
+        }
+    }
+}
+
+/// A job: its state and progress.
 #[derive(Clone, Debug, Serialize, utoipa::ToSchema)]
-pub(crate) struct Report {
+pub(crate) struct JobReport {
     pub(crate) id: u64,
-    kind: Kind,
-    pub(crate) state: State,
+    kind: JobKind,
+    pub(crate) state: JobState,
     /// Steps done.
     done: u64,
-    /// Steps there are, where that is known.
+    /// Steps in all, if known.
     total: Option<u64>,
-    /// What is being done, or what came of it.
+    /// The current stage, or the result.
     message: String,
-    /// Why it failed.
+    /// Why the job failed.
     error: Option<String>,
 }
 
-/// A job under way, or ended.
+/// A job that runs or has ended.
 pub(crate) struct Job {
-    report: watch::Sender<Report>,
+    report: watch::Sender<JobReport>,
     cancelled: AtomicBool,
-    /// The server's own end cancels every job.
+    /// Stopping the server cancels every job.
     stopping: watch::Receiver<bool>,
 }
 
 impl Job {
-    pub(crate) fn report(&self) -> Report {
+    pub(crate) fn report(&self) -> JobReport {
         self.report.borrow().clone()
     }
 
-    /// Every change of the report from now on.
-    pub(crate) fn watch(&self) -> watch::Receiver<Report> {
+    /// Receives every change of the report from now on.
+    pub(crate) fn watch(&self) -> watch::Receiver<JobReport> {
         self.report.subscribe()
     }
 
     pub(crate) fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
         self.report.send_modify(|report| {
-            if report.state == State::Running {
-                report.message = "stopping at the next safe place".to_owned();
+            if report.state == JobState::Running {
+                report.message = "stopping at the next safe point".to_owned();
             }
         });
     }
 
-    /// Says what is being done.
-    pub(crate) fn say(&self, message: String) {
+    pub(crate) fn set_message(&self, message: String) {
         self.report.send_modify(|report| report.message = message);
     }
 
-    fn end(&self, ended: Result<Ended, Problem>) {
-        self.report.send_modify(|report| match ended {
-            Ok(Ended { state, message }) => (report.state, report.message) = (state, message),
+    fn is_running(&self) -> bool {
+        self.report.borrow().state == JobState::Running
+    }
+
+    fn end(&self, outcome: Result<JobOutcome, Problem>) {
+        self.report.send_modify(|report| match outcome {
+            Ok(JobOutcome { state, message }) => (report.state, report.message) = (state, message),
             Err(problem) => {
-                report.state = State::Failed;
+                report.state = JobState::Failed;
                 report.error = Some(problem.sentence());
             }
         });
@@ -109,93 +121,98 @@ impl Progress for Job {
     }
 }
 
-/// How a job ended that did not fail.
-pub(crate) struct Ended {
-    pub(crate) state: State,
+/// How a job ended that did not fail: done or cancelled.
+pub(crate) struct JobOutcome {
+    pub(crate) state: JobState,
     pub(crate) message: String,
 }
 
-/// The jobs of this run, by id.
+impl JobOutcome {
+    /// The outcome of a job that `error` ended: cancelled if that is what the error says.
+    pub(crate) fn of_error(error: Error) -> Result<Self, Problem> {
+        match error {
+            Error::Cancelled => Ok(Self { state: JobState::Cancelled, message: chain(&Error::Cancelled) }),
+            error => Err(error.into()),
+        }
+    }
+}
+
+/// The jobs since the server started, by id.
 #[derive(Default)]
 pub(crate) struct Jobs(Mutex<BTreeMap<u64, Arc<Job>>>);
 
 impl Jobs {
-    fn held(&self) -> MutexGuard<'_, BTreeMap<u64, Arc<Job>>> {
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, Arc<Job>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(crate) fn get(&self, id: u64) -> Result<Arc<Job>, Problem> {
-        self.held().get(&id).cloned().ok_or_else(|| Problem::not_found(format!("there is no job {id}")))
+        self.lock().get(&id).cloned().ok_or_else(|| Problem::not_found(format!("there is no job {id}")))
     }
 
-    /// All jobs, the newest first.
-    pub(crate) fn reports(&self) -> Vec<Report> {
-        self.held().values().rev().map(|job| job.report()).collect()
+    /// All jobs, newest first.
+    pub(crate) fn reports(&self) -> Vec<JobReport> {
+        self.lock().values().rev().map(|job| job.report()).collect()
     }
 
     pub(crate) fn running(&self) -> usize {
-        self.held().values().filter(|job| job.report.borrow().state == State::Running).count()
+        self.lock().values().filter(|job| job.is_running()).count()
     }
 
-    /// Begins a job on a thread of its own.
-    pub(crate) fn begin(
+    /// Starts a job on a thread of its own.
+    ///
+    /// # Errors
+    /// 409 if too many jobs are running, or a second reindex is asked for.
+    pub(crate) fn start(
         app: &Arc<App>,
-        kind: Kind,
-        work: impl FnOnce(&App, &Job) -> Result<Ended, Problem> + Send + 'static,
-    ) -> Result<Report, Problem> {
-        let job = app.jobs.enter(kind, app.stopping.clone())?;
+        kind: JobKind,
+        work: impl FnOnce(&App, &Job) -> Result<JobOutcome, Problem> + Send + 'static,
+    ) -> Result<JobReport, Problem> {
+        let job = app.jobs.register(kind, app.stopping.clone())?;
         let (app, running) = (Arc::clone(app), Arc::clone(&job));
-        // Not one of the runtime's threads: those are waited for when the server ends, and this one only as far as it
-        // heeds its cancellation.
-        let started = std::thread::Builder::new().name(format!("{kind:?}").to_lowercase()).spawn(move || {
+        // A thread of the runtime would be joined when the server stops; this one is only asked to stop.
+        let started = std::thread::Builder::new().name(kind.name().to_owned()).spawn(move || {
             let work = std::panic::AssertUnwindSafe(|| work(&app, &running));
-            let ended = std::panic::catch_unwind(work).unwrap_or_else(|_| Err(Problem::internal()));
-            // Whatever was made durable before a failure is shown too.
+            let outcome = std::panic::catch_unwind(work).unwrap_or_else(|_| Err(Problem::internal()));
+            // What was committed before a failure becomes visible too.
             let _ = app.note_change();
-            running.end(ended.map_err(|problem| problem.map(|text| app.shown(text))));
+            running.end(outcome.map_err(|problem| problem.relative_to(&app.roots)));
         });
         if let Err(error) = started {
-            tracing::error!(%error, "no thread could be started for a job");
+            tracing::error!(%error, "cannot start a thread for a job");
             job.end(Err(Problem::internal()));
         }
         Ok(job.report())
     }
 
-    fn enter(&self, kind: Kind, stopping: watch::Receiver<bool>) -> Result<Arc<Job>, Problem> {
-        let mut jobs = self.held();
-        let running = |job: &&Arc<Job>| job.report.borrow().state == State::Running;
-        let busy = |sentence: &str| Err(Problem::new(StatusCode::CONFLICT, sentence));
-        if kind == Kind::Reindex && jobs.values().filter(running).any(|job| job.report.borrow().kind == kind) {
-            return busy("a reindex is running already: wait for it, or cancel it");
+    fn register(&self, kind: JobKind, stopping: watch::Receiver<bool>) -> Result<Arc<Job>, Problem> {
+        let mut jobs = self.lock();
+        let running: Vec<JobKind> =
+            jobs.values().filter(|job| job.is_running()).map(|job| job.report.borrow().kind).collect();
+        let conflict = |detail: &str| Err(Problem::new(StatusCode::CONFLICT, detail));
+        if kind == JobKind::Reindex && running.contains(&kind) {
+            return conflict("a reindex is already running: wait for it, or cancel it");
         }
-        if jobs.values().filter(running).count() >= RUNNING {
-            return busy("too many jobs are running already: wait for one, or cancel one");
+        if running.len() >= MAX_RUNNING {
+            return conflict("too many jobs are already running: wait for one, or cancel one");
         }
         while jobs.len() >= REMEMBERED {
-            let ended = jobs.iter().find(|(_, job)| !running(job)).map(|(&id, _)| id);
+            let ended = jobs.iter().find(|(_, job)| !job.is_running()).map(|(&id, _)| id);
             let Some(id) = ended else { break };
             jobs.remove(&id);
         }
         let id = jobs.last_key_value().map_or(1, |(&last, _)| last + 1);
-        let report = Report {
+        let report = JobReport {
             id,
             kind,
-            state: State::Running,
+            state: JobState::Running,
             done: 0,
             total: None,
-            message: "beginning".to_owned(),
+            message: "starting".to_owned(),
             error: None,
         };
         let job = Arc::new(Job { report: watch::Sender::new(report), cancelled: AtomicBool::new(false), stopping });
         jobs.insert(id, Arc::clone(&job));
         Ok(job)
-    }
-}
-
-/// What a job that was stopped before its end says.
-pub(crate) fn stopped(error: Error) -> Result<Ended, Problem> {
-    match error {
-        Error::Cancelled => Ok(Ended { state: State::Cancelled, message: chain(&Error::Cancelled) }),
-        error => Err(error.into()),
     }
 }

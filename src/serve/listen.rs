@@ -1,11 +1,12 @@
-//! [`Server`]: the address, the connections, and how they end.
+//! [`Server`]: listens, accepts connections, and stops.
 
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::Router;
 use axum::extract::DefaultBodyLimit;
-use axum::{Router, middleware};
+use axum::middleware::from_fn_with_state;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
@@ -14,23 +15,23 @@ use tower_http::CompressionLevel;
 use tower_http::compression::CompressionLayer;
 use tower_http::compression::predicate::{DefaultPredicate, NotForContentType, Predicate};
 
-use super::settings::{ServeError, Settings};
+use super::options::{ServeError, ServerOptions};
 use super::state::App;
-use super::{assets, auth, metrics, openapi};
+use super::{assets, metrics, middleware, openapi};
 use crate::Database;
 
-/// So long a caller may take to send a request's head, or leave a connection idle.
+/// How long a client may take to send the head of a request, and how long a connection may be idle.
 const HEAD_TIME: Duration = Duration::from_secs(30);
-/// So long requests that are under way may take to end once the server is told to stop.
+/// How long running requests may take to end once the server stops.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// A server that listens already, so that its address is known, and answers once it runs.
+/// A server. It listens from the moment it is bound, so that its address is known, and answers while [`Server::run`] runs.
 ///
 /// ```
-/// use hlacdb::{Database, serve::{Server, Settings}};
+/// use hlacdb::{Database, serve::{Server, ServerOptions}};
 /// # let folder = tempfile::tempdir()?;
 /// let database = Database::open(folder.path().join("textures.hlacdb"))?;
-/// let server = Server::bind(database, Settings::default())?;
+/// let server = Server::bind(database, ServerOptions::new())?;
 /// println!("listening on http://{}/", server.address());
 /// let stopper = server.stopper();
 /// let running = std::thread::spawn(move || server.run());
@@ -45,52 +46,53 @@ pub struct Server {
     stopper: Stopper,
 }
 
-/// Ends a server from any thread. Requests under way are answered first.
+/// Stops a server from any thread. Running requests are answered first.
 #[derive(Clone, Debug)]
 pub struct Stopper(Arc<watch::Sender<bool>>);
 
 impl Stopper {
-    /// Tells the server to stop; more than once is the same.
+    /// Asks the server to stop; further calls have no effect.
     pub fn stop(&self) {
         self.0.send_replace(true);
     }
 }
 
 impl Server {
-    /// Listens on the address of the settings.
+    /// Listens on the address of the options.
     ///
     /// # Errors
     /// [`ServeError::NeedsToken`], [`ServeError::BadToken`], [`ServeError::IngestFolder`], [`ServeError::Listen`].
-    pub fn bind(database: Database, settings: Settings) -> Result<Self, ServeError> {
-        settings.check()?;
-        let refused = |source| ServeError::Listen { address: settings.address, source };
-        let listener = TcpListener::bind(settings.address).map_err(refused)?;
+    pub fn bind(database: Database, options: ServerOptions) -> Result<Self, ServeError> {
+        options.check()?;
+        let refused = |source| ServeError::Listen { address: options.address, source };
+        let listener = TcpListener::bind(options.address).map_err(refused)?;
         listener.set_nonblocking(true).map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
         let (sender, stopping) = watch::channel(false);
-        let app = Arc::new(App::new(database, settings, stopping)?);
+        let app = Arc::new(App::new(database, options, stopping)?);
         Ok(Self { listener, address, app, stopper: Stopper(Arc::new(sender)) })
     }
 
-    /// Where it listens.
+    /// The address it listens on.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// What ends it.
+    /// A handle that stops it.
     pub fn stopper(&self) -> Stopper {
         self.stopper.clone()
     }
 
-    /// Serves until [`Stopper::stop`] is called. Requests under way are answered, jobs are cancelled where it is safe.
+    /// Serves until [`Stopper::stop`] is called. Running requests are then answered, and jobs are cancelled at their next
+    /// safe point.
     ///
     /// # Errors
-    /// [`ServeError::Io`] where the system grants no threads.
+    /// [`ServeError::Io`] if the operating system starts no threads.
     pub fn run(self) -> Result<(), ServeError> {
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
         let runtime = runtime.map_err(|source| ServeError::Io { doing: "starting the server's threads", source })?;
         let done = runtime.block_on(self.serve());
-        // Work that is still running is bounded by the grace; what a thread does after it is no longer waited for.
+        // Threads that are still busy after this time are abandoned.
         runtime.shutdown_timeout(GRACE);
         done
     }
@@ -99,19 +101,19 @@ impl Server {
         let listener = tokio::net::TcpListener::from_std(self.listener);
         let listener = listener.map_err(|source| ServeError::Io { doing: "listening", source })?;
         let router = router(&self.app);
-        let ahead = Arc::clone(&self.app);
-        tokio::task::spawn_blocking(move || ahead.warm_up());
-        let places = Arc::new(Semaphore::new(self.app.settings.connections.max(1)));
+        let app = Arc::clone(&self.app);
+        tokio::task::spawn_blocking(move || app.warm_up());
+        let permits = Arc::new(Semaphore::new(self.app.options.connections.max(1)));
         let graceful = GracefulShutdown::new();
         let mut stopping = self.app.stopping.clone();
         loop {
-            let place = Arc::clone(&places).acquire_owned();
-            let next = async { (place.await, listener.accept().await) };
-            let (place, stream) = tokio::select! {
-                (place, accepted) = next => match accepted {
-                    Ok((stream, _)) => (place, stream),
+            let permit = Arc::clone(&permits).acquire_owned();
+            let next = async { (permit.await, listener.accept().await) };
+            let (permit, stream) = tokio::select! {
+                (permit, accepted) = next => match accepted {
+                    Ok((stream, _)) => (permit, stream),
                     Err(error) => {
-                        // Too many open files, or a caller that went away: the next may fare better.
+                        // Too many open files, or a client that disconnected: the next attempt may succeed.
                         tracing::warn!(%error, "a connection was not accepted");
                         tokio::time::sleep(Duration::from_millis(20)).await;
                         continue;
@@ -119,7 +121,7 @@ impl Server {
                 },
                 _ = stopping.wait_for(|&stop| stop) => break,
             };
-            // Small answers go out at once.
+            // Small responses are sent at once.
             let _ = stream.set_nodelay(true);
             let connection = hyper::server::conn::http1::Builder::new()
                 .timer(TokioTimer::new())
@@ -127,31 +129,31 @@ impl Server {
                 .serve_connection(TokioIo::new(stream), TowerToHyperService::new(router.clone()));
             let connection = graceful.watch(connection);
             tokio::spawn(async move {
-                let _place = place;
+                let _permit = permit;
                 if let Err(error) = connection.await {
-                    tracing::debug!(%error, "a connection ended early");
+                    tracing::debug!(%error, "a connection failed");
                 }
             });
         }
         drop(listener);
         if tokio::time::timeout(GRACE, graceful.shutdown()).await.is_err() {
-            tracing::warn!("requests under way took too long to end: stopping without them");
+            tracing::warn!("some requests did not end in time: stopping without them");
         }
         Ok(())
     }
 }
 
-/// Everything that is answered.
+/// All routes with their middleware.
 pub(crate) fn router(app: &Arc<App>) -> Router {
-    // Pictures are compressed already, and voxels are read on the same machine as a rule.
-    let worth_it = DefaultPredicate::new().and(NotForContentType::const_new("application/octet-stream"));
-    let compression = CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(worth_it);
-    let limit = usize::try_from(app.settings.max_body).unwrap_or(usize::MAX);
+    // Pictures are already compressed, and voxels are mostly read on the same machine.
+    let compressible = DefaultPredicate::new().and(NotForContentType::const_new("application/octet-stream"));
+    let compression = CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(compressible);
+    let limit = usize::try_from(app.options.max_body).unwrap_or(usize::MAX);
     openapi::routes()
         .fallback(assets::asset)
         .layer(DefaultBodyLimit::max(limit))
         .layer(compression)
-        .layer(middleware::from_fn_with_state(Arc::clone(app), auth::guard))
-        .layer(middleware::from_fn_with_state(Arc::clone(app), metrics::count))
+        .layer(from_fn_with_state(Arc::clone(app), middleware::handle))
+        .layer(from_fn_with_state(Arc::clone(app), metrics::count))
         .with_state(Arc::clone(app))
 }

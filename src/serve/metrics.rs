@@ -1,4 +1,4 @@
-//! What is counted, for Prometheus.
+//! Metrics for Prometheus.
 
 use std::fmt;
 use std::sync::Arc;
@@ -19,29 +19,30 @@ use super::problem::Problem;
 use super::state::App;
 
 #[derive(Clone, Debug, Hash, PartialEq, Eq, EncodeLabelSet)]
-struct Answered {
+struct RequestLabels {
     method: String,
     route: String,
     status: u16,
 }
 
 #[derive(Clone, Debug, Hash, PartialEq, Eq, EncodeLabelSet)]
-struct Route {
+struct RouteLabels {
     route: String,
 }
 
 #[derive(Clone, Debug, Hash, PartialEq, Eq, EncodeLabelSet)]
-struct Asked {
+struct SearchLabels {
     space: String,
     index: String,
 }
 
-/// What is counted.
+/// The metrics of a server.
 pub(crate) struct Metrics {
     registry: Registry,
-    requests: Family<Answered, Counter>,
-    latency: Family<Route, Histogram, fn() -> Histogram>,
-    searches: Family<Asked, Histogram, fn() -> Histogram>,
+    requests: Family<RequestLabels, Counter>,
+    latency: Family<RouteLabels, Histogram, fn() -> Histogram>,
+    searches: Family<SearchLabels, Histogram, fn() -> Histogram>,
+    descriptions: Counter,
     textures: Gauge,
     revision: Gauge,
     running: Gauge,
@@ -55,30 +56,36 @@ impl Metrics {
         // From a quarter of a millisecond to eight seconds.
         let latency: Family<_, _, fn() -> Histogram> =
             Family::new_with_constructor(|| Histogram::new(exponential_buckets(0.000_25, 2.0, 16)));
-        let what = "Time from a request's head to its answer's head";
+        let what = "Time from the head of a request to the head of its response";
         registry.register_with_unit("request_duration", what, Unit::Seconds, latency.clone());
         // From a microsecond to a second.
         let searches: Family<_, _, fn() -> Histogram> =
             Family::new_with_constructor(|| Histogram::new(exponential_buckets(0.000_001, 4.0, 11)));
-        let what = "Time of the search alone, from point to ranked hits";
+        let what = "Time of the search alone, from a point to ranked hits";
         registry.register_with_unit("search_duration", what, Unit::Seconds, searches.clone());
+        let descriptions = Counter::default();
+        registry.register("descriptions", "Volumes described for queries", descriptions.clone());
         let (textures, revision, running) = (Gauge::default(), Gauge::default(), Gauge::default());
         registry.register("textures", "Textures in the store", textures.clone());
-        registry.register("revision", "The number of the store's last commit", revision.clone());
-        registry.register("jobs_running", "Jobs that are running", running.clone());
-        Self { registry, requests, latency, searches, textures, revision, running }
+        registry.register("revision", "Number of the last commit of the store", revision.clone());
+        registry.register("jobs_running", "Running jobs", running.clone());
+        Self { registry, requests, latency, searches, descriptions, textures, revision, running }
     }
 
-    /// Counts a search.
-    pub(crate) fn searched(&self, space: &str, index: &str, elapsed: Duration) {
-        let asked = Asked { space: space.to_owned(), index: index.to_owned() };
-        self.searches.get_or_create(&asked).observe(elapsed.as_secs_f64());
+    pub(crate) fn count_search(&self, space: &str, index: &str, elapsed: Duration) {
+        let labels = SearchLabels { space: space.to_owned(), index: index.to_owned() };
+        self.searches.get_or_create(&labels).observe(elapsed.as_secs_f64());
     }
 
-    fn answered(&self, method: &Method, route: &str, status: u16, elapsed: Duration) {
-        let answered = Answered { method: method.to_string(), route: route.to_owned(), status };
-        self.requests.get_or_create(&answered).inc();
-        self.latency.get_or_create(&Route { route: route.to_owned() }).observe(elapsed.as_secs_f64());
+    /// Counts a volume that is described for a query.
+    pub(crate) fn count_description(&self) {
+        self.descriptions.inc();
+    }
+
+    fn count_request(&self, method: &Method, route: &str, status: u16, elapsed: Duration) {
+        let labels = RequestLabels { method: method.to_string(), route: route.to_owned(), status };
+        self.requests.get_or_create(&labels).inc();
+        self.latency.get_or_create(&RouteLabels { route: route.to_owned() }).observe(elapsed.as_secs_f64());
     }
 
     fn text(&self) -> Result<String, fmt::Error> {
@@ -88,17 +95,17 @@ impl Metrics {
     }
 }
 
-/// Counts every request by its route, so that ids do not make a series each.
+/// Counts every request by its route, so that ids do not create time series of their own.
 pub(crate) async fn count(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let began = std::time::Instant::now();
     let method = request.method().clone();
     let route = request.extensions().get::<MatchedPath>().map_or("(page)", MatchedPath::as_str).to_owned();
     let response = next.run(request).await;
-    app.metrics.answered(&method, &route, response.status().as_u16(), began.elapsed());
+    app.metrics.count_request(&method, &route, response.status().as_u16(), began.elapsed());
     response
 }
 
-/// Everything that is counted, as Prometheus reads it
+/// Metrics of the server in the OpenMetrics text format
 #[utoipa::path(get, path = "/metrics", tag = "server", responses((status = 200, body = String, content_type = "text/plain")))]
 pub(crate) async fn metrics(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.quick(|app| {

@@ -1,4 +1,4 @@
-//! The routes, and the document that describes them, made from the same types.
+//! The routes, and the OpenAPI document that is generated from them.
 
 use std::sync::{Arc, OnceLock};
 
@@ -12,39 +12,40 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::metrics;
-use super::problem::Problem;
-use super::reply::{self, Keep};
-use super::routes::{add, jobs, pictures, query, store, textures, voxels};
+use super::problem::{Problem, ProblemDocument};
+use super::reply::{self, CachePolicy};
+use super::routes::{jobs, pictures, query, store, textures, voxels};
 use super::state::App;
 
 #[derive(OpenApi)]
 #[openapi(
     info(
         title = "hlacdb",
-        description = "Solid textures, and the ones that look alike. Ids are numbers; shapes are (Z, Y, X). Errors are problem+json \
-                       (RFC 9457): `detail` is one sentence, `causes` what lies below it."
+        description = "Finds solid textures that look alike. Ids are numbers; shapes are (Z, Y, X). Errors are problem+json \
+                       (RFC 9457): `detail` is one sentence, `causes` lists its causes."
     ),
     tags(
-        (name = "textures", description = "Look at textures and tend them"),
-        (name = "pictures", description = "Slices and voxels"),
-        (name = "likeness", description = "Queries, distances, the map"),
-        (name = "store", description = "What the store holds as a whole"),
-        (name = "jobs", description = "Long work, with progress"),
+        (name = "textures", description = "List, add, tag and remove textures"),
+        (name = "pictures", description = "Slices and voxels of textures"),
+        (name = "likeness", description = "Queries, distances and the map"),
+        (name = "store", description = "The store as a whole"),
+        (name = "jobs", description = "Long work with progress"),
         (name = "server", description = "The server itself")
     ),
-    components(schemas(Problem))
+    components(schemas(ProblemDocument))
 )]
 struct Description;
 
-fn described() -> OpenApiRouter<Arc<App>> {
+fn documented_routes() -> OpenApiRouter<Arc<App>> {
     let api = OpenApiRouter::new()
         .routes(routes!(store::health))
+        .routes(routes!(store::formats))
         .routes(routes!(store::statistics))
         .routes(routes!(store::spaces))
         .routes(routes!(store::tags))
         .routes(routes!(store::map))
         .routes(routes!(store::explain))
-        .routes(routes!(textures::list, add::add))
+        .routes(routes!(textures::list, textures::add))
         .routes(routes!(textures::get, textures::remove))
         .routes(routes!(textures::descriptor))
         .routes(routes!(textures::set_tags))
@@ -68,16 +69,18 @@ fn described() -> OpenApiRouter<Arc<App>> {
 
 /// Every route of the API.
 pub(crate) fn routes() -> Router<Arc<App>> {
-    let (router, _) = described().split_for_parts();
+    let (router, _) = documented_routes().split_for_parts();
     router.route("/api/v1/openapi.json", get(document))
 }
 
-/// The description of the API.
+/// The OpenAPI document.
 async fn document(State(_): State<Arc<App>>, headers: HeaderMap) -> Result<Response, Problem> {
     static DOCUMENT: OnceLock<Vec<u8>> = OnceLock::new();
     let bytes = DOCUMENT.get_or_init(|| {
-        let (_, description) = described().split_for_parts();
+        let (_, description) = documented_routes().split_for_parts();
         description.to_json().unwrap_or_default().into_bytes()
     });
-    reply::tagged(&headers, &reply::tag_of(&[bytes]), Keep::Check, reply::JSON, || Ok(bytes.as_slice().into()))
+    reply::tagged(&headers, &reply::entity_tag(&[bytes]), CachePolicy::Revalidate, reply::JSON, || {
+        Ok(bytes.as_slice().into())
+    })
 }

@@ -1,15 +1,34 @@
-//! Errors as callers see them: problem details (RFC 9457) with the library's sentences.
+//! Errors as clients see them: problem details (RFC 9457) with the library's sentences.
 
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
+use super::paths::Roots;
+use super::status::status_of;
 use crate::volume::Hint as ReadHint;
-use crate::{Error, Hint, IngestError, OpenError, QueryError, StoreError};
+use crate::{Error, Hint};
+
+/// What went wrong with a request or job.
+///
+/// An error of the library is kept as it is until it is shown, because its paths are shown relative to the folders that
+/// are served.
+#[derive(Debug)]
+pub(crate) struct Problem {
+    status: StatusCode,
+    what: What,
+}
+
+#[derive(Debug)]
+enum What {
+    Error(Box<Error>),
+    Text { detail: String, causes: Vec<String> },
+}
 
 /// What went wrong, as `application/problem+json`.
 #[derive(Clone, Debug, Serialize, utoipa::ToSchema)]
-pub(crate) struct Problem {
+#[schema(as = Problem)]
+pub(crate) struct ProblemDocument {
     /// Always `about:blank`: the status says what kind of problem it is.
     #[serde(rename = "type")]
     kind: &'static str,
@@ -19,29 +38,17 @@ pub(crate) struct Problem {
     status: u16,
     /// One sentence: what was found, what was expected, what to do.
     detail: String,
-    /// What lies below it, the nearest first.
+    /// The causes, nearest first.
     causes: Vec<String>,
 }
 
 impl Problem {
     pub(crate) fn new(status: StatusCode, detail: impl Into<String>) -> Self {
-        Self {
-            kind: "about:blank",
-            title: status.canonical_reason().unwrap_or("Error"),
-            status: status.as_u16(),
-            detail: detail.into(),
-            causes: Vec::new(),
-        }
+        Self { status, what: What::Text { detail: detail.into(), causes: Vec::new() } }
     }
 
-    pub(crate) fn of(status: StatusCode, error: &dyn std::error::Error) -> Self {
-        let mut problem = Self::new(status, error.to_string());
-        let mut cause = error.source();
-        while let Some(error) = cause {
-            problem.causes.push(error.to_string());
-            cause = error.source();
-        }
-        problem
+    pub(crate) fn with_causes(status: StatusCode, detail: impl Into<String>, causes: Vec<String>) -> Self {
+        Self { status, what: What::Text { detail: detail.into(), causes } }
     }
 
     pub(crate) fn bad_request(detail: impl Into<String>) -> Self {
@@ -52,40 +59,108 @@ impl Problem {
         Self::new(StatusCode::NOT_FOUND, detail)
     }
 
-    /// A thread of ours died: the log has more.
+    /// A bug, or a failure of the machine; the log has the details.
     pub(crate) fn internal() -> Self {
-        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "the server stumbled over this request: its log says more")
+        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "internal error: the server's log has the details")
     }
 
-    pub(crate) fn status(&self) -> StatusCode {
-        StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
-    }
-
-    /// What else was wrong.
-    pub(crate) fn add_causes(&mut self, causes: impl IntoIterator<Item = String>) {
-        self.causes.extend(causes);
-    }
-
-    /// Sentence and causes in one line.
-    pub(crate) fn sentence(&self) -> String {
-        let causes = self.causes.iter().map(String::as_str);
-        std::iter::once(self.detail.as_str()).chain(causes).collect::<Vec<_>>().join(": ")
-    }
-
-    /// With every text passed through `show`.
-    pub(crate) fn map(mut self, show: impl Fn(&str) -> String) -> Self {
-        self.detail = show(&self.detail);
-        self.causes = self.causes.iter().map(|cause| show(cause)).collect();
+    /// With all paths relative to these folders.
+    pub(crate) fn relative_to(mut self, roots: &Roots) -> Self {
+        if let What::Error(error) = self.what {
+            self.what = What::Error(Box::new(roots.error(*error)));
+        }
         self
     }
+
+    /// The sentence and its causes in one line.
+    pub(crate) fn sentence(self) -> String {
+        let ProblemDocument { detail, causes, .. } = self.into_document();
+        std::iter::once(detail).chain(causes).collect::<Vec<_>>().join(": ")
+    }
+
+    fn into_document(self) -> ProblemDocument {
+        let status = self.status;
+        // Only here are paths turned into text. Those below no served folder are reduced to their names.
+        let (detail, causes) = match self.relative_to(&Roots::default()).what {
+            What::Text { detail, causes } => (detail, causes),
+            What::Error(error) => (with_remedy(error.to_string(), &error), causes(&*error)),
+        };
+        ProblemDocument {
+            kind: "about:blank",
+            title: status.canonical_reason().unwrap_or("Error"),
+            status: status.as_u16(),
+            detail,
+            causes,
+        }
+    }
+}
+
+/// An error, its causes and its remedy in one line.
+pub(crate) fn full_sentence(error: &Error) -> String {
+    with_remedy(crate::chain(error), error)
+}
+
+fn with_remedy(sentence: String, error: &Error) -> String {
+    match remedy(error) {
+        Some(remedy) => format!("{sentence} ({remedy})"),
+        None => sentence,
+    }
+}
+
+/// The remedy of an error in the words of the server.
+fn remedy(error: &Error) -> Option<String> {
+    let remedy = match error.hint()? {
+        Hint::Read(hint) => return Some(remedy_of_file(hint)),
+        Hint::ListTextures => "GET /api/v1/textures lists the ids",
+        Hint::ChooseSpace => "GET /api/v1/spaces lists the spaces",
+        Hint::OpenForWriting => "start the server without --read-only",
+        Hint::StayInFolder => "give a path below the folder to ingest from",
+        Hint::Reindex => "start the job `reindex`",
+        Hint::RepairStore => "stop the server and run `hlacdb repair`, or restore a backup",
+        Hint::ReopenStore => "restart the server",
+        // These do not depend on where they are read.
+        hint @ (Hint::CreateStore
+        | Hint::ChooseAnotherPath
+        | Hint::UpgradeHlacdb
+        | Hint::MigrateStore
+        | Hint::WaitForWriter
+        | Hint::UseLocalDisk
+        | Hint::CloseReaders
+        | Hint::RestoreBackup
+        | Hint::RenameSpace
+        | Hint::TagTextures
+        | Hint::ChooseLabel
+        | Hint::SmallerBlock
+        | Hint::UseArchive
+        | Hint::KeepVoxels) => return Some(hint.to_string()),
+    };
+    Some(remedy.to_owned())
+}
+
+/// The remedy for a file that could not be read.
+fn remedy_of_file(hint: ReadHint) -> String {
+    match hint {
+        ReadHint::RaiseVoxelLimit => "start the server with a larger --max-voxels if the file is right".into(),
+        ReadHint::RaiseInflatedLimit => "start the server with a larger --max-inflated if the file is right".into(),
+        ReadHint::GiveRawLayout | ReadHint::CheckRawLayout => {
+            "samples without a header are read by `hlacdb ingest` only".into()
+        }
+        ReadHint::EnableFeature(_) => "this server was built without that format".into(),
+        hint => hint.to_string(),
+    }
+}
+
+fn causes(error: &dyn std::error::Error) -> Vec<String> {
+    std::iter::successors(error.source(), |error| error.source()).map(ToString::to_string).collect()
 }
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let body = serde_json::to_vec(&self).unwrap_or_default();
-        let mut response = (self.status(), body).into_response();
-        let kind = HeaderValue::from_static("application/problem+json");
-        response.headers_mut().insert(header::CONTENT_TYPE, kind);
+        let status = self.status;
+        let body = serde_json::to_vec(&self.into_document()).unwrap_or_default();
+        let mut response = (status, body).into_response();
+        let media_type = HeaderValue::from_static("application/problem+json");
+        response.headers_mut().insert(header::CONTENT_TYPE, media_type);
         response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
         response
     }
@@ -97,68 +172,6 @@ impl From<Error> for Problem {
         if status.is_server_error() {
             tracing::warn!(error = crate::chain(&error), "a request failed");
         }
-        let mut problem = Self::of(status, &error);
-        if let Some(remedy) = remedy(&error) {
-            problem.detail = format!("{} ({remedy})", problem.detail);
-        }
-        problem
-    }
-}
-
-/// An error and its causes in one line, with the remedy in brackets.
-pub(crate) fn with_remedy(error: &Error) -> String {
-    let chain = crate::chain(error);
-    match remedy(error) {
-        Some(remedy) => format!("{chain} ({remedy})"),
-        None => chain,
-    }
-}
-
-/// What would help against an error, in the words of the server.
-fn remedy(error: &Error) -> Option<String> {
-    Some(match error.hint()? {
-        Hint::Read(ReadHint::RaiseVoxelLimit | ReadHint::RaiseInflatedLimit) => {
-            "the limit is set where the server is started".into()
-        }
-        Hint::Read(ReadHint::GiveRawLayout | ReadHint::CheckRawLayout) => {
-            "samples without a header are read by the program only".into()
-        }
-        Hint::Read(ReadHint::EnableFeature(_)) => "this server was built without that format".into(),
-        Hint::OpenForWriting => "the server was started for reading only".into(),
-        other => other.to_string(),
-    })
-}
-
-/// The status for an error: 422 for what the caller gave, 404 for what is not there, 403 for what is not allowed, 409 and
-/// 503 for the state of the store, and 500 for the rest. No wildcard, so that a new error is given a status here.
-fn status_of(error: &Error) -> StatusCode {
-    match error {
-        Error::Open(OpenError::HeldByWriter { .. }) => StatusCode::SERVICE_UNAVAILABLE,
-        Error::Query(QueryError::TooFewLabels { .. }) | Error::Ingest(IngestError::NotFound { .. }) => {
-            StatusCode::NOT_FOUND
-        }
-        Error::Ingest(IngestError::OutsideFolder { .. }) => StatusCode::FORBIDDEN,
-        Error::Query(_) | Error::Ingest(_) | Error::Exchange(_) => StatusCode::UNPROCESSABLE_ENTITY,
-        Error::Store(error) => of_store(error),
-        Error::Cancelled => StatusCode::CONFLICT,
-        Error::Open(_) | Error::Maintenance(_) | Error::Space(_) | Error::Io { .. } => {
-            StatusCode::INTERNAL_SERVER_ERROR
-        }
-    }
-}
-
-fn of_store(error: &StoreError) -> StatusCode {
-    match error {
-        StoreError::NoSuchTexture { .. } => StatusCode::NOT_FOUND,
-        StoreError::ReadOnly => StatusCode::FORBIDDEN,
-        StoreError::Invalid { .. } => StatusCode::UNPROCESSABLE_ENTITY,
-        StoreError::Duplicate { .. } => StatusCode::CONFLICT,
-        StoreError::Busy { .. } => StatusCode::SERVICE_UNAVAILABLE,
-        StoreError::Open(_)
-        | StoreError::Damage(_)
-        | StoreError::Broken
-        | StoreError::Poisoned
-        | StoreError::Cancelled { .. }
-        | StoreError::Engine { .. } => StatusCode::INTERNAL_SERVER_ERROR,
+        Self { status, what: What::Error(Box::new(error)) }
     }
 }

@@ -1,55 +1,58 @@
-//! Volumes that were asked with: in memory only, the last few of them.
+//! The volumes that were uploaded for queries: the last few, in memory only.
 
 use std::collections::VecDeque;
-use std::hash::{BuildHasher, RandomState};
+use std::io;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::tokens::random_token;
 use crate::space::Descriptor;
 use crate::volume::Volume;
 
-/// So many are kept, ...
-const MOST: usize = 16;
-/// ... in so many bytes.
-const BYTES: usize = 256 << 20;
+/// How many uploads are kept.
+const MAX_UPLOADS: usize = 16;
+/// How many bytes of voxels they may have together; the newest is kept even if it has more.
+const MAX_BYTES: usize = 256 << 20;
 
-/// A volume that was asked with.
+/// A volume that was uploaded for a query.
 pub(crate) struct Upload {
-    /// By which it is named: nobody guesses it.
+    /// Names the upload in later requests; unpredictable.
     pub(crate) token: String,
     pub(crate) name: String,
     pub(crate) volume: Arc<Volume>,
     pub(crate) content: [u8; 32],
-    /// Its descriptor in the views of the store.
+    /// Its descriptor in all views of the store, so that it answers queries in every space.
     pub(crate) descriptor: Descriptor,
 }
 
-/// The volumes that were asked with last.
+/// The most recently used uploads, most recent first.
 #[derive(Default)]
-pub(crate) struct Uploads(Mutex<VecDeque<Arc<Upload>>>);
+pub(crate) struct UploadCache(Mutex<VecDeque<Arc<Upload>>>);
 
-impl Uploads {
-    /// Keeps an upload; older ones make room for it.
-    pub(crate) fn keep(&self, name: String, volume: Volume, descriptor: Descriptor) -> Arc<Upload> {
-        let content = volume.content_hash();
-        let token = format!("{:016x}{:016x}", RandomState::new().hash_one(content), RandomState::new().hash_one(&name));
+impl UploadCache {
+    /// Adds an upload and evicts those used least recently.
+    ///
+    /// # Errors
+    /// If the operating system gives no random numbers.
+    pub(crate) fn insert(&self, name: String, volume: Volume, descriptor: Descriptor) -> io::Result<Arc<Upload>> {
+        let (token, content) = (random_token()?, volume.content_hash());
         let upload = Arc::new(Upload { token, name, volume: Arc::new(volume), content, descriptor });
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.push_front(Arc::clone(&upload));
-        kept.truncate(MOST);
+        let mut uploads = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        uploads.push_front(Arc::clone(&upload));
+        uploads.truncate(MAX_UPLOADS);
         let bytes =
-            |kept: &VecDeque<Arc<Upload>>| kept.iter().map(|upload| upload.volume.voxels().len()).sum::<usize>();
-        while kept.len() > 1 && bytes(&kept) > BYTES {
-            kept.pop_back();
+            |uploads: &VecDeque<Arc<Upload>>| uploads.iter().map(|upload| upload.volume.voxels().len()).sum::<usize>();
+        while uploads.len() > 1 && bytes(&uploads) > MAX_BYTES {
+            uploads.pop_back();
         }
-        upload
+        Ok(upload)
     }
 
+    /// The upload with this token, which becomes the most recently used.
     pub(crate) fn get(&self, token: &str) -> Option<Arc<Upload>> {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let place = kept.iter().position(|upload| upload.token == token)?;
-        // What is asked with again stays longest.
-        let upload = kept.remove(place)?;
-        kept.push_front(Arc::clone(&upload));
+        let mut uploads = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let position = uploads.iter().position(|upload| upload.token == token)?;
+        let upload = uploads.remove(position)?;
+        uploads.push_front(Arc::clone(&upload));
         Some(upload)
     }
 }
@@ -59,17 +62,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_last_few_are_kept() {
-        let uploads = Uploads::default();
-        let volume = |level| Volume::new([8; 3], 1, vec![level; 512]).unwrap();
-        let first = uploads.keep("first".into(), volume(0), Descriptor::default());
-        let second = uploads.keep("second".into(), volume(1), Descriptor::default());
-        assert_ne!(first.token, second.token);
-        for level in 2..MOST as u8 {
-            uploads.keep("more".into(), volume(level), Descriptor::default());
+    fn the_least_recently_used_upload_is_evicted() {
+        let cache = UploadCache::default();
+        let insert = |name: &str, level: u8| {
+            let volume = Volume::new([8; 3], 1, vec![level; 512]).unwrap();
+            cache.insert(name.to_owned(), volume, Descriptor::default()).unwrap()
+        };
+        let (first, second) = (insert("first", 0), insert("second", 1));
+        for level in 2..MAX_UPLOADS as u8 {
+            insert("further", level);
         }
-        assert!(uploads.get(&first.token).is_some());
-        uploads.keep("one too many".into(), volume(99), Descriptor::default());
-        assert!(uploads.get(&first.token).is_some() && uploads.get(&second.token).is_none());
+        assert!(cache.get(&first.token).is_some());
+        insert("one too many", 99);
+        assert!(cache.get(&first.token).is_some() && cache.get(&second.token).is_none());
     }
 }

@@ -1,4 +1,4 @@
-// axe-core finds no serious fault in any view, wide and narrow, light and dark.
+// axe-core finds no serious violation in any view, wide and narrow, light and dark.
 import assert from "node:assert/strict";
 import fs from "node:fs";
 import path from "node:path";
@@ -8,7 +8,7 @@ import { browserPath, folder, launch, open, serve, synthesise } from "./harness.
 
 const skip = browserPath() ? false : "there is no Chromium: apt-get install chromium";
 const axe = fs.readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
-const VIEWS = { browse: "", marked: "#/?mark=2,3&where=family%3Dwood", texture: "#/texture/7", query: "#/query?ids=7&k=6", invite: "#/query", compare: "#/compare?a=7&b=12", map: "#/map?sel=9", statistics: "#/statistics", nothing: "#/texture/999" };
+const VIEWS = { browse: "", marked: "#/?mark=2,3&where=family%3Dwood", texture: "#/texture/7", query: "#/query?ids=7&k=6", start: "#/query", compare: "#/compare?a=7&b=12", map: "#/map?sel=9", statistics: "#/statistics", missing: "#/texture/999" };
 let browser, server;
 
 before(async () => {
@@ -33,7 +33,7 @@ for (const [width, colorScheme] of [[1280, "light"], [390, "dark"]]) {
         const grave = violations.filter((one) => ["serious", "critical"].includes(one.impact));
         assert.deepEqual(grave.map((one) => `${one.id}: ${one.nodes.slice(0, 3).map((node) => `${node.html.slice(0, 160)} ${node.any[0]?.message ?? ""}`).join(" | ")}`), []);
         const wider = await page.evaluate(() => [document.documentElement.scrollWidth, document.querySelector("main").scrollWidth].some((wide) => wide > innerWidth));
-        assert.equal(wider, false, "nothing is wider than the window");
+        assert.equal(wider, false, "no content is wider than the window");
       } finally { await close(); }
     });
   }

@@ -1,4 +1,4 @@
-// What every test needs: a store, a real `hlacdb serve` on a free loopback port, a real Chromium, and errors counted.
+// What every test needs: a store, a real `hlacdb serve` on a free loopback port, a real Chromium, and its console errors.
 import { execFileSync, spawn } from "node:child_process";
 import fs from "node:fs";
 import os from "node:os";
@@ -10,7 +10,7 @@ import { chromium } from "playwright-core";
 export const here = path.dirname(fileURLToPath(import.meta.url));
 const root = path.resolve(here, "../..");
 
-/** The program under test: $HLACDB_BIN, else the newer one of this tree's builds. */
+/** The program under test: $HLACDB_BIN, else the newest build of this source tree. */
 export function binary() {
   if (process.env.HLACDB_BIN) return process.env.HLACDB_BIN;
   const built = ["debug", "release"].map((kind) => path.join(root, "target", kind, "hlacdb")).filter((file) => fs.existsSync(file));
@@ -18,13 +18,13 @@ export function binary() {
   return built.sort((a, b) => fs.statSync(b).mtimeMs - fs.statSync(a).mtimeMs)[0];
 }
 
-/** Debian's Chromium, or the one $CHROMIUM names; null when there is none. */
+/** The path of Chromium: $CHROMIUM, else the usual places; null if there is none. */
 export function browserPath() {
   const places = [process.env.CHROMIUM, "/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
   return places.find((place) => place && fs.existsSync(place)) ?? null;
 }
 
-/** A folder that goes when the tests are over. */
+/** A temporary folder that is removed after the tests. */
 export function folder() {
   const made = fs.mkdtempSync(path.join(os.tmpdir(), "hlacdb-page-"));
   process.on("exit", () => fs.rmSync(made, { recursive: true, force: true }));
@@ -34,7 +34,7 @@ export function folder() {
 /** Runs hlacdb on a store. */
 export const hlacdb = (store, ...words) => execFileSync(binary(), ["-q", "-s", store, ...words], { encoding: "utf8" });
 
-/** A store of the recipe's 60 textures. */
+/** A store with the 60 textures of the recipe. */
 export function synthesise(store, recipe = path.join(here, "recipe.toml")) {
   hlacdb(store, "synth", recipe);
   return store;
@@ -43,12 +43,12 @@ export function synthesise(store, recipe = path.join(here, "recipe.toml")) {
 /** Starts `hlacdb serve`; resolves to {url, stop}. */
 export async function serve(store, ...words) {
   const child = spawn(binary(), ["-q", "-s", store, "--json", "serve", "--addr", "127.0.0.1:0", ...words], { stdio: ["ignore", "pipe", "pipe"], env: { ...process.env, HLACDB_PAGE_DIR: process.env.HLACDB_PAGE_DIR ?? path.join(root, "src/serve/page") } });
-  let said = "";
-  child.stderr.on("data", (text) => { said += text; });
+  let errorOutput = "";
+  child.stderr.on("data", (text) => { errorOutput += text; });
   const gone = new Promise((resolve) => child.once("exit", resolve));
   const url = await new Promise((resolve, reject) => {
     createInterface({ input: child.stdout }).once("line", (line) => { try { resolve(JSON.parse(line).url); } catch (error) { reject(error); } });
-    gone.then((code) => reject(new Error(`hlacdb serve ended with ${code}: ${said}`)));
+    gone.then((code) => reject(new Error(`hlacdb serve ended with ${code}: ${errorOutput}`)));
   });
   return { url, stop: async () => { child.kill("SIGTERM"); await gone; } };
 }
@@ -58,7 +58,7 @@ const SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "
 
 export const launch = (args = SOFTWARE) => chromium.launch({ executablePath: browserPath(), args });
 
-/** A page of its own, whose console errors are kept in `errors`. */
+/** Opens a page of its own. Its console errors are collected in `errors`. */
 export async function open(browser, url, { width = 1280, height = 860, expected = [], ...options } = {}) {
   const context = await browser.newContext({ viewport: { width, height }, ...options });
   const page = await context.newPage(), errors = [];
@@ -113,8 +113,8 @@ export const pixels = (page, selector) => page.locator(selector).evaluate((canva
   return { hash, lit, coarse };
 });
 
-/** How far two pictures are apart: the largest difference of their parts, of 255. */
+/** The largest difference between the parts of two pictures, out of 255. */
 export const apart = (a, b) => Math.max(...a.coarse.map((value, at) => Math.abs(value - b.coarse[at])));
 
-/** Waits until the volume is drawn in full. */
+/** Waits until the full volume is drawn. */
 export const drawn = (page) => page.waitForSelector("canvas.volume[data-drawn=yes]", { timeout: 30000 });

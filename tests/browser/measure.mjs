@@ -1,28 +1,28 @@
-// Times of the page, for people: `node measure.mjs STORE [STORE_OF_100000]`. No test depends on them.
+// Measures the page: `node measure.mjs STORE [STORE_OF_100000]`. No test depends on it.
 import { launch, open, serve } from "./harness.mjs";
 
 const [store, large] = process.argv.slice(2);
 if (!store) throw new Error("node measure.mjs STORE [STORE_OF_100000]");
 const browser = await launch();
 const median = (times) => times.sort((a, b) => a - b)[times.length >> 1];
-const told = (name, times) => console.log(`${name}: median ${median(times).toFixed(0)} ms of ${times.map((time) => time.toFixed(0)).join(", ")}`);
+const report = (name, times) => console.log(`${name}: median ${median(times).toFixed(0)} ms of ${times.map((time) => time.toFixed(0)).join(", ")}`);
 
-/** From `hlacdb serve` to a wall that can be used, and to one with its pictures. The browser is running already. */
+/** Times from the start of `hlacdb serve` to a usable grid and to one with its pictures. The browser is already running. */
 async function start(file) {
   const { page, close } = await open(browser, "about:blank");
   const begun = performance.now();
   const server = await serve(file, "--read-only");
   const listening = performance.now() - begun;
   await page.goto(server.url, { waitUntil: "commit" });
-  await page.waitForFunction(() => document.querySelector(".wall a[href]"), null, { polling: "raf" });
-  const walked = performance.now() - begun;
-  await page.waitForFunction(() => [...document.querySelectorAll(".wall .cell:not([hidden]) .box")].filter((box) => box.getBoundingClientRect().top < innerHeight).every((box) => box.querySelector(".no-voxels") || box.querySelector("img")?.complete) && document.querySelector(".wall .box > *"), null, { polling: "raf" });
+  await page.waitForFunction(() => document.querySelector(".grid a[href]"), null, { polling: "raf" });
+  const interactive = performance.now() - begun;
+  await page.waitForFunction(() => [...document.querySelectorAll(".grid .cell:not([hidden]) .box")].filter((box) => box.getBoundingClientRect().top < innerHeight).every((box) => box.querySelector(".no-voxels") || box.querySelector("img")?.complete) && document.querySelector(".grid .box > *"), null, { polling: "raf" });
   const usable = performance.now() - begun;
   await close();
-  return { server, listening, walked, usable };
+  return { server, listening, interactive, usable };
 }
 
-/** From the click on “Find alike” to the slices of all hits in the window. */
+/** Times from the click on “Find similar” to the hits and to the slices of all visible hits. */
 async function click(page) {
   await page.locator(".texture-head .button.main").waitFor();
   await page.waitForLoadState("networkidle");
@@ -48,9 +48,9 @@ for (let n = 0; n < 5; n += 1) {
   runs.push(times);
   await server.stop();
 }
-told("serve listens after", runs.map((run) => run.listening));
-told("serve to a wall one can walk, search and open", runs.map((run) => run.walked));
-told("serve to a wall with all pictures in sight", runs.map((run) => run.usable));
+report("serve listens after", runs.map((run) => run.listening));
+report("from serve to a usable grid", runs.map((run) => run.interactive));
+report("from serve to a grid with all visible pictures", runs.map((run) => run.usable));
 
 const { server } = await start(store), clicks = [];
 for (const id of [3, 101, 222, 333, 444]) {
@@ -58,8 +58,8 @@ for (const id of [3, 101, 222, 333, 444]) {
   clicks.push(await click(page));
   await close();
 }
-told("click to hits", clicks.map((one) => one.hits));
-told(`click to the slices of ${clicks[0].seen} hits in sight`, clicks.map((one) => one.slices));
+report("click to hits", clicks.map((one) => one.hits));
+report(`click to the slices of ${clicks[0].seen} visible hits`, clicks.map((one) => one.slices));
 const queries = [];
 for (let id = 1; id <= 101; id += 1) {
   const begun = performance.now();
@@ -72,19 +72,19 @@ await server.stop();
 
 if (large) {
   const { server, usable } = await start(large);
-  console.log(`the large store: serve to a wall ${usable.toFixed(0)} ms`);
+  console.log(`the large store: from serve to a grid ${usable.toFixed(0)} ms`);
   const { page, errors, close } = await open(browser, server.url, { width: 1440, height: 900 });
-  await page.locator(".wall .box > *").first().waitFor();
+  await page.locator(".grid .box > *").first().waitFor();
   await page.evaluate(() => { globalThis.long = []; new PerformanceObserver((list) => globalThis.long.push(...list.getEntries().map((entry) => entry.duration))).observe({ type: "longtask", buffered: false }); });
   const frames = await page.evaluate(() => new Promise((resolve) => {
-    // Steadily for four seconds, then in jumps through the whole wall.
-    const wall = document.querySelector(".wall"), gaps = [], begun = performance.now();
+    // Scrolls steadily for four seconds, then jumps through the whole grid.
+    const grid = document.querySelector(".grid"), gaps = [], begun = performance.now();
     let last = begun, jumps = 0;
     const step = (now) => {
       gaps.push(now - last);
       last = now;
-      if (now - begun < 4000) wall.scrollTop += 60;
-      else if (jumps < 120) { jumps += 1; wall.scrollTop = ((jumps * 0.618) % 1) * wall.scrollHeight; }
+      if (now - begun < 4000) grid.scrollTop += 60;
+      else if (jumps < 120) { jumps += 1; grid.scrollTop = ((jumps * 0.618) % 1) * grid.scrollHeight; }
       else { resolve(gaps); return; }
       requestAnimationFrame(step);
     };
@@ -109,7 +109,7 @@ if (large) {
     }
     return times;
   });
-  told("a move of the map of all of them", draws);
+  report("a move of the map of the large store", draws);
   await close();
   await server.stop();
 }

@@ -1,4 +1,4 @@
-// The page, as people use it.
+// The page as people use it.
 import assert from "node:assert/strict";
 import path from "node:path";
 import { after, before, test } from "node:test";
@@ -17,7 +17,7 @@ after(async () => {
   await server?.stop();
 });
 
-/** A test with a page of its own, on which nothing may go wrong unseen. */
+/** A test with its own page. An error in the console of the browser fails it. */
 function on(name, address, run, options = {}) {
   test(name, { skip, timeout: 90000 }, async () => {
     const { page, errors, close } = await open(browser, server.url + address, options);
@@ -32,17 +32,17 @@ const checker = npy(32, (z, y, x) => ((z >> 2) + (y >> 2) + (x >> 2)) % 2 ? 210 
 const firstHit = (page) => page.locator(".hit .name").first().innerText();
 const hits = (page, n) => page.waitForFunction((n) => document.querySelectorAll(".hits:not([aria-busy]) .hit").length === n, n);
 
-on("the wall shows the store, and its pictures", "", async (page) => {
+on("the grid shows the textures and their pictures", "", async (page) => {
   await page.getByRole("heading", { name: "60 textures" }).waitFor();
-  await page.waitForFunction(() => [...document.querySelectorAll(".wall img")].filter((image) => image.naturalWidth > 0).length > 10);
-  assert.equal(await page.locator(".wall").getAttribute("role"), "grid");
+  await page.waitForFunction(() => [...document.querySelectorAll(".grid img")].filter((image) => image.naturalWidth > 0).length > 10);
+  assert.equal(await page.locator(".grid").getAttribute("role"), "grid");
 });
 
-on("tags filter, the address says so, back and forward lead through it", "", async (page) => {
+on("tags filter, and the address, back and forward follow", "", async (page) => {
   await page.locator(".facet", { hasText: "marble" }).click();
   await page.getByRole("heading", { name: "10 of 60 textures" }).waitFor();
   assert.match(page.url(), /where=family%3Dmarble|where=family=marble/);
-  assert.ok((await page.locator(".wall .name").allInnerTexts()).filter(Boolean).every((name) => name.includes("marble")));
+  assert.ok((await page.locator(".grid .name").allInnerTexts()).filter(Boolean).every((name) => name.includes("marble")));
   await page.goBack();
   await page.getByRole("heading", { name: "60 textures", exact: true }).waitFor();
   await page.goForward();
@@ -50,24 +50,24 @@ on("tags filter, the address says so, back and forward lead through it", "", asy
   await page.reload();
   await page.getByRole("heading", { name: "10 of 60 textures" }).waitFor();
   assert.equal(await page.locator(".facet", { hasText: "marble" }).getAttribute("aria-pressed"), "true");
-  await page.getByRole("button", { name: "Take away the filter family=marble" }).click();
+  await page.getByRole("button", { name: "Remove the filter family=marble" }).click();
   await page.getByRole("heading", { name: "60 textures", exact: true }).waitFor();
 });
 
-on("text is searched from the keyboard, and what is not there is said", "", async (page) => {
-  await page.locator(".wall img").first().waitFor();
+on("text is searched with the keyboard, and an empty result is explained", "", async (page) => {
+  await page.locator(".grid img").first().waitFor();
   await page.keyboard.press("/");
   await page.keyboard.type("granite");
   await page.getByRole("heading", { name: "10 of 60 textures" }).waitFor();
   await page.keyboard.type("zzz");
-  await page.getByRole("heading", { name: "No texture is like that" }).waitFor();
+  await page.getByRole("heading", { name: "No texture matches" }).waitFor();
   await page.getByRole("button", { name: "Show all textures" }).click();
   await page.getByRole("heading", { name: "60 textures", exact: true }).waitFor();
 });
 
-on("the wall is walked with the keyboard", "", async (page) => {
-  await page.locator(".wall a[href]").first().waitFor();
-  await page.locator(".wall a[tabindex='0']").focus();
+on("the keyboard moves through the grid", "", async (page) => {
+  await page.locator(".grid a[href]").first().waitFor();
+  await page.locator(".grid a[tabindex='0']").focus();
   await page.keyboard.press("ArrowRight");
   await page.keyboard.press("ArrowRight");
   assert.equal(await page.evaluate(() => document.activeElement.getAttribute("href")), "#/texture/3");
@@ -81,16 +81,16 @@ on("the wall is walked with the keyboard", "", async (page) => {
   await page.getByRole("heading", { level: 1 }).waitFor();
   assert.match(page.url(), /texture\/60/);
   await page.goBack();
-  await page.locator(".wall a[href]").first().waitFor();
-  await page.locator(".wall a[tabindex='0']").focus();
+  await page.locator(".grid a[href]").first().waitFor();
+  await page.locator(".grid a[tabindex='0']").focus();
   await page.keyboard.press("f");
   await page.locator(".hit").first().waitFor();
 });
 
-on("a texture: its volume turns, is carved and cut, and the address keeps it all", "#/texture/12", async (page) => {
+on("a texture: its volume is turned, formed and cut, and the address records it", "#/texture/12", async (page) => {
   await drawn(page);
   const first = await pixels(page, "canvas.volume");
-  assert.ok(first.lit > 300, `hardly anything is drawn: ${first.lit} of 9216 pixels`);
+  assert.ok(first.lit > 300, `almost nothing is drawn: ${first.lit} of 9216 pixels`);
   const box = await page.locator("canvas.volume").boundingBox();
   await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
   await page.mouse.down();
@@ -114,7 +114,7 @@ on("a texture: its volume turns, is carved and cut, and the address keeps it all
   await page.waitForFunction(() => /form=torus/.test(location.hash) && /cam=/.test(location.hash) && /cut=0,100,0,100,0,50/.test(location.hash));
   await page.reload();
   await drawn(page);
-  // The address keeps whole degrees, and a slow machine draws fewer pixels: the picture is nearly the same.
+  // The address records whole degrees, and a slow machine draws fewer pixels, so the picture is only nearly the same.
   const restored = await pixels(page, "canvas.volume");
   assert.ok(apart(restored, cut) < 20 && apart(cut, first) > 40, `${apart(restored, cut)} and ${apart(cut, first)}`);
   assert.ok(await page.locator(".viewer-controls").getByRole("radio", { name: "Torus" }).isChecked());
@@ -148,12 +148,12 @@ on("tags are set and taken away", "#/texture/5", async (page) => {
   await page.getByRole("link", { name: "yes" }).waitFor();
   await page.reload();
   await page.getByRole("link", { name: "yes" }).waitFor();
-  await page.getByRole("button", { name: "Take away the tag seen" }).click();
+  await page.getByRole("button", { name: "Remove the tag seen" }).click();
   await page.getByRole("link", { name: "yes" }).waitFor({ state: "detached" });
 });
 
 on("a query: hits with slices; k and space are live; the address is restored", "#/texture/12", async (page) => {
-  await page.getByRole("link", { name: "Find alike" }).click();
+  await page.getByRole("link", { name: "Find similar" }).click();
   await hits(page, 30);
   await page.waitForFunction(() => [...document.querySelectorAll(".hit img")].slice(0, 4).every((image) => image.naturalWidth > 0));
   const ranks = await page.locator(".hit .rank").allInnerTexts();
@@ -171,17 +171,17 @@ on("a query: hits with slices; k and space are live; the address is restored", "
   await hits(page, 7);
   assert.deepEqual(await page.locator(".hit .name").allInnerTexts(), paper);
   await page.goBack();
-  await page.getByRole("link", { name: "Find alike" }).waitFor();
+  await page.getByRole("link", { name: "Find similar" }).waitFor();
 });
 
-on("several hits are marked, searched by together, and seen side by side", "#/query?ids=12&k=9", async (page) => {
+on("several hits are marked, searched by together, and compared", "#/query?ids=12&k=9", async (page) => {
   await hits(page, 9);
   for (const at of [0, 1]) await page.locator(".hit input[type=checkbox]").nth(at).check();
   await page.getByText("2 marked").waitFor();
-  const compare = await page.getByRole("link", { name: "Side by side" }).getAttribute("href");
-  await page.getByRole("link", { name: "Find alike to all of them" }).click();
-  await page.locator(".asked.several").waitFor();
-  assert.equal(await page.locator(".asked-one").count(), 2);
+  const compare = await page.getByRole("link", { name: "Compare" }).getAttribute("href");
+  await page.getByRole("link", { name: "Find similar to all" }).click();
+  await page.locator(".examples.several").waitFor();
+  assert.equal(await page.locator(".example").count(), 2);
   await page.locator(".hit").first().waitFor();
   await page.getByLabel("join").selectOption("min");
   await page.waitForFunction(() => /combine=min/.test(location.hash));
@@ -197,12 +197,12 @@ on("several hits are marked, searched by together, and seen side by side", "#/qu
   await page.locator(".bars .bar-fill").first().waitFor({ state: "attached" });
 });
 
-on("a dropped file is answered by what is like it, and can be added", "", async (page) => {
-  await page.locator(".wall img").first().waitFor();
+on("a dropped file finds similar textures", "", async (page) => {
+  await page.locator(".grid img").first().waitFor();
   await drop(page, [{ name: "checker.npy", bytes: checker }]);
   await hits(page, 30);
-  await page.locator(".asked-name", { hasText: "checker.npy" }).waitFor();
-  await page.waitForFunction(() => document.querySelector(".asked img")?.naturalWidth > 0);
+  await page.locator(".example-name", { hasText: "checker.npy" }).waitFor();
+  await page.waitForFunction(() => document.querySelector(".examples img")?.naturalWidth > 0);
   assert.match(page.url(), /upload=/);
   const nearest = await firstHit(page);
   await page.reload();
@@ -210,7 +210,7 @@ on("a dropped file is answered by what is like it, and can be added", "", async 
   assert.equal(await firstHit(page), nearest);
 });
 
-on("a texture's own file finds it first; a block of a texture is asked by", "#/texture/23", async (page) => {
+on("a texture's own file finds it first; a block of a texture is an example", "#/texture/23", async (page) => {
   const voxels = await page.evaluate(async () => [...new Uint8Array(await (await fetch("api/v1/textures/23/voxels")).arrayBuffer())]);
   await drop(page, [{ name: "same.npy", bytes: npy(32, (z, y, x) => voxels[(z * 32 + y) * 32 + x]) }]);
   await hits(page, 30);
@@ -221,7 +221,7 @@ on("a texture's own file finds it first; a block of a texture is asked by", "#/t
 });
 
 on("a bad file is refused with a sentence", "", async (page) => {
-  await page.locator(".wall img").first().waitFor();
+  await page.locator(".grid img").first().waitFor();
   await drop(page, [{ name: "holiday.npy", bytes: Buffer.from("this is no volume at all") }]);
   const toast = page.getByRole("alert");
   await toast.waitFor();
@@ -232,7 +232,7 @@ on("a bad file is refused with a sentence", "", async (page) => {
 }, { expected: ["/api/v1/query"] });
 
 on("several files are added to the store", "", async (page) => {
-  await page.locator(".wall img").first().waitFor();
+  await page.locator(".grid img").first().waitFor();
   await drop(page, [1, 2].map((n) => ({ name: `stripes-${n}.npy`, bytes: npy(24, (z) => ((z / (n + 2)) & 1 ? 200 : 30)) })));
   await page.getByRole("textbox", { name: /Tags for all of them/ }).fill("family=stripes");
   await page.getByRole("button", { name: "Add", exact: true }).click();
@@ -241,17 +241,17 @@ on("several files are added to the store", "", async (page) => {
   await page.getByRole("heading", { name: /^2 of / }).waitFor();
   for (let left = 2; left > 0; left -= 1) {
     await page.goto(`${server.url}#/?text=stripes`);
-    await page.locator(".wall a[href]").first().click();
+    await page.locator(".grid a[href]").first().click();
     await page.getByRole("button", { name: "Remove…" }).click();
     await page.getByRole("button", { name: "Remove", exact: true }).click();
-    await page.getByText("is removed").first().waitFor();
+    await page.getByText("was removed").first().waitFor();
     await page.reload();
   }
 });
 
-on("the map is drawn, zoomed to pictures, and a point is chosen", "#/map", async (page) => {
+on("the map is drawn and zoomed, and a point is selected", "#/map", async (page) => {
   await page.locator("canvas.map").waitFor();
-  await page.locator(".in-sight img").first().waitFor();
+  await page.locator(".visible-list img").first().waitFor();
   const far = await pixels(page, "canvas.map");
   assert.ok(far.lit > 60);
   await page.locator("canvas.map").focus();
@@ -266,27 +266,27 @@ on("the map is drawn, zoomed to pictures, and a point is chosen", "#/map", async
   await page.locator(".map-card h2", { hasText: name }).waitFor();
   await page.locator(".legend .facet", { hasText: "wood" }).click();
   await page.waitForFunction(() => /only=wood/.test(location.hash));
-  await page.locator(".map-card").getByRole("link", { name: "Find alike" }).click();
+  await page.locator(".map-card").getByRole("link", { name: "Find similar" }).click();
   await page.locator(".hit").first().waitFor();
 });
 
-on("statistics, and a fit with its progress", "#/statistics", async (page) => {
+on("statistics, and a reindex with progress", "#/statistics", async (page) => {
   await page.locator(".plot-stage").waitFor();
   const epoch = () => page.locator(".statistics-body").innerText().then((text) => Number(/epoch (\d+)/.exec(text)[1]));
   const before = await epoch();
-  await page.getByRole("button", { name: "Fit the spaces anew" }).click();
+  await page.getByRole("button", { name: "Fit the spaces again" }).click();
   await page.waitForFunction((before) => Number(/epoch (\d+)/.exec(document.querySelector(".statistics-body").innerText)?.[1]) > before, before, { timeout: 60000 });
 });
 
-on("what is not there is said", "#/texture/9999", async (page) => {
-  await page.getByRole("heading", { name: "There is nothing here" }).waitFor();
+on("missing things are explained", "#/texture/9999", async (page) => {
+  await page.getByRole("heading", { name: "Not found" }).waitFor();
   await page.evaluate(() => { location.hash = "#/query?upload=gone"; });
-  await page.getByRole("heading", { name: "The file is no longer held" }).waitFor();
+  await page.getByRole("heading", { name: "The upload has expired" }).waitFor();
   await page.evaluate(() => { location.hash = "#/nowhere"; });
   await page.getByText("no view called “nowhere”").waitFor();
 }, { expected: ["/api/v1/textures/9999", "/api/v1/query", "/api/v1/uploads/"] });
 
-on("the theme is chosen and kept", "", async (page) => {
+on("the chosen theme is remembered", "", async (page) => {
   const ground = () => page.evaluate(() => getComputedStyle(document.body).backgroundColor);
   const system = await ground();
   await page.locator("#theme").click();
@@ -297,7 +297,7 @@ on("the theme is chosen and kept", "", async (page) => {
   assert.equal(await ground(), dark);
 }, { colorScheme: "light" });
 
-test("without WebGL2 the slices are there, and a sentence", { skip, timeout: 60000 }, async () => {
+test("without WebGL2 the slices and an explanation are shown", { skip, timeout: 60000 }, async () => {
   const plain = await launch(["--no-sandbox", "--disable-3d-apis"]);
   const { page, errors, close } = await open(plain, `${server.url}#/texture/3`);
   await page.getByText("This browser cannot draw the volume").waitFor();

@@ -1,19 +1,19 @@
 // The pictures of docs/pictures: `npm run screenshots` (from this folder), or
 //   node screenshots.mjs [--all DIR]
-// With --all, every view at four widths, light and dark, into DIR, to be looked at.
+// With --all, every view at four widths, light and dark, into DIR.
 import { execFileSync } from "node:child_process";
 import fs from "node:fs";
 import path from "node:path";
 import { drawn, folder, here, hlacdb, launch, open, serve } from "./harness.mjs";
 
-const VIEWS = { browse: "", texture: "#/texture/245", query: "#/query?ids=245", compare: "#/compare?a=245&b=250", map: "#/map", statistics: "#/statistics", invite: "#/query" };
+const VIEWS = { browse: "", texture: "#/texture/245", query: "#/query?ids=245", compare: "#/compare?a=245&b=250", map: "#/map", statistics: "#/statistics", start: "#/query" };
 
 const all = process.argv[2] === "--all" ? path.resolve(process.argv[3] ?? "screenshots") : null;
 const store = process.env.HLACDB_STORE ?? path.join(folder(), "families.hlacdb");
 if (!fs.existsSync(store)) hlacdb(store, "synth", "families");
 const server = await serve(store, "--read-only"), browser = await launch();
 
-/** One picture of a view, once it has come to rest. */
+/** A picture of a view after it has loaded. */
 async function shoot(file, address, options, prepare) {
   const { page, close } = await open(browser, server.url + address, options);
   await page.waitForFunction(() => document.querySelector("main").children.length > 0 && !document.querySelector("main[aria-busy]"));
@@ -25,9 +25,9 @@ async function shoot(file, address, options, prepare) {
   await close();
 }
 
-/** Few colours are enough for grey slices, and make small files (apt-get install pngquant; without it they stay as they are). */
+/** Reduces the colours, which grey slices need few of (with pngquant if it is installed). */
 function shrink(file) {
-  try { execFileSync("pngquant", ["--force", "--skip-if-larger", "--output", file, "--speed", "1", "40", file], { stdio: "ignore" }); } catch { /* it is optional */ }
+  try { execFileSync("pngquant", ["--force", "--skip-if-larger", "--output", file, "--speed", "1", "40", file], { stdio: "ignore" }); } catch { /* optional */ }
   console.log(`${path.relative(process.cwd(), file)}: ${(fs.statSync(file).size / 1024).toFixed(0)} KiB`);
 }
 

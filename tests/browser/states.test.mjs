@@ -1,4 +1,4 @@
-// Servers that are not the usual one: empty, read only, without voxels, with a token.
+// Special servers: empty, read-only, without voxels, with a token.
 import assert from "node:assert/strict";
 import fs from "node:fs";
 import path from "node:path";
@@ -26,7 +26,7 @@ async function against(store, words, run, options) {
   }
 }
 
-/** Moments alone, as another program would bring them. */
+/** Writes moments without voxels, as another program would. */
 function moments(file, rows) {
   const header = `{'descr': '<f4', 'fortran_order': False, 'shape': (${rows}, 251), }`.padEnd(117) + "\n";
   const bytes = Buffer.alloc(128 + rows * 251 * 4);
@@ -40,7 +40,7 @@ function moments(file, rows) {
   fs.writeFileSync(file, bytes);
 }
 
-test("an empty store says how to fill it, and takes its first file", { skip, timeout: 60000 }, async () => {
+test("an empty store explains how to add textures, and accepts its first file", { skip, timeout: 60000 }, async () => {
   await against(path.join(dir, "empty.hlacdb"), [], async (page) => {
     await page.getByRole("heading", { name: "This store is empty" }).waitFor();
     for (const view of ["query", "map", "statistics"]) {
@@ -54,17 +54,17 @@ test("an empty store says how to fill it, and takes its first file", { skip, tim
   });
 });
 
-test("a read-only server offers nothing that it would refuse", { skip, timeout: 60000 }, async () => {
+test("a read-only server offers no changes", { skip, timeout: 60000 }, async () => {
   const store = synthesise(path.join(dir, "read.hlacdb"));
   await against(store, ["--read-only"], async (page, server) => {
-    await page.getByText("read only").first().waitFor();
+    await page.getByText("read-only").first().waitFor();
     await page.goto(`${server.url}#/texture/4`);
     await page.locator(".tags .pair").first().waitFor();
     assert.equal(await page.getByRole("button", { name: "Remove…" }).count(), 0);
     assert.equal(await page.getByLabel("Key of a new tag").count(), 0);
     await page.goto(`${server.url}#/statistics`);
-    await page.getByText("This server is read only").waitFor();
-    // A file is still a question.
+    await page.getByText("This server is read-only").waitFor();
+    // A file can still start a query.
     await drop(page, [{ name: "ramp.npy", bytes: npy(32, (z, y, x) => 4 * (z + x)) }]);
     await page.locator(".hit").first().waitFor();
   });
@@ -76,27 +76,27 @@ test("textures without voxels are found, listed and plotted", { skip, timeout: 6
   hlacdb(store, "import", file);
   await against(store, [], async (page, server) => {
     await page.getByRole("heading", { name: "3,000 textures" }).waitFor();
-    await page.locator(".wall .no-voxels").first().waitFor();
-    await page.locator(".wall").evaluate((wall) => { wall.scrollTop = wall.scrollHeight; });
-    await page.waitForFunction(() => [...document.querySelectorAll(".wall .edge")].some((id) => id.textContent === "3000"));
+    await page.locator(".grid .no-voxels").first().waitFor();
+    await page.locator(".grid").evaluate((grid) => { grid.scrollTop = grid.scrollHeight; });
+    await page.waitForFunction(() => [...document.querySelectorAll(".grid .edge")].some((id) => id.textContent === "3000"));
     await page.goto(`${server.url}#/texture/17`);
-    await page.getByText("Only the moments of this texture are kept").waitFor();
+    await page.getByText("Only the moments of this texture are stored").waitFor();
     await page.locator(".plot-stage").waitFor();
     await page.goto(`${server.url}#/query?ids=17&k=4&space=paper`);
     await page.waitForFunction(() => document.querySelectorAll(".hit").length === 4);
   });
 });
 
-test("a token is asked for, and taken from the address", { skip, timeout: 60000 }, async () => {
+test("a token is required, and removed from the address", { skip, timeout: 60000 }, async () => {
   const store = synthesise(path.join(dir, "token.hlacdb"));
   const server = await serve(store, "--token", "open-sesame-open-sesame");
   const { page, close } = await open(browser, `${server.url}?token=open-sesame-open-sesame`);
   try {
     await page.getByRole("heading", { name: "60 textures" }).waitFor();
-    assert.ok(!page.url().includes("sesame"), "the token does not stay in the address");
+    assert.ok(!page.url().includes("sesame"), "the token is removed from the address");
     await page.context().clearCookies();
     await page.evaluate(() => { location.hash = "#/texture/2"; });
-    await page.getByRole("heading", { name: "This server asks for its token" }).waitFor();
+    await page.getByRole("heading", { name: "This server requires a token" }).waitFor();
   } finally {
     await close();
     await server.stop();

@@ -1,8 +1,9 @@
-//! The server as programs and pages see it: a real one, on a free port of this machine.
+//! The server as programs and browsers see it: a real server on a free port of this machine.
 
 mod changes;
-mod doors;
-mod looking;
+mod large;
 mod page;
-mod place;
-mod questions;
+mod queries;
+mod reading;
+mod security;
+mod server;

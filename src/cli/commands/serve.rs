@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use hlacdb::serve::{Server, Settings};
+use hlacdb::serve::{ServeError, Server, ServerOptions};
 use hlacdb::volume::display_path;
 
 use crate::cli::context::{Context, Failure, Outcome};
@@ -39,15 +39,15 @@ pub(crate) struct Serve {
     ingest_folder: Option<PathBuf>,
 
     /// The largest request in bytes, including uploads
-    #[arg(long, value_name = "BYTES", default_value_t = Settings::default().max_body)]
+    #[arg(long, value_name = "BYTES", default_value_t = ServerOptions::MAX_BODY)]
     max_body: u64,
 
     /// The most voxels of an uploaded volume
-    #[arg(long, value_name = "N", default_value_t = Settings::default().max_voxels)]
+    #[arg(long, value_name = "N", default_value_t = ServerOptions::MAX_VOXELS)]
     max_voxels: u64,
 
     /// Decompression limit: an upload may expand to at most this, or to 16 times its size if that is more
-    #[arg(long, value_name = "BYTES", default_value_t = Settings::default().max_inflated)]
+    #[arg(long, value_name = "BYTES", default_value_t = ServerOptions::MAX_INFLATED)]
     max_inflated: u64,
 
     /// The longest time for a request, in seconds
@@ -74,21 +74,8 @@ impl Serve {
         if is_new {
             context.note(&format!("created the empty store {}", display_path(&context.store)));
         }
-        let settings = Settings {
-            address: self.addr,
-            token: self.token,
-            read_only: self.read_only,
-            ingest_folder: self.ingest_folder,
-            max_body: self.max_body,
-            max_voxels: self.max_voxels,
-            max_inflated: self.max_inflated,
-            time: Duration::from_secs(self.time),
-            connections: self.connections as usize,
-            concurrency: self.concurrency.unwrap_or(0) as usize,
-            page: self.page,
-        };
-        let query = if settings.token.is_some() { "?token=TOKEN" } else { "" };
-        let server = Server::bind(database, settings)?;
+        let query = if self.token.is_some() { "?token=TOKEN" } else { "" };
+        let server = Server::bind(database, self.options()).map_err(|error| with_remedy(&error))?;
         let address = server.address();
         let stopper = server.stopper();
         ctrlc::set_handler(move || stopper.stop())?;
@@ -104,6 +91,42 @@ impl Serve {
         server.run()?;
         Ok(Outcome::Done)
     }
+
+    fn options(&self) -> ServerOptions {
+        let mut options = ServerOptions::new()
+            .address(self.addr)
+            .read_only(self.read_only)
+            .max_body(self.max_body)
+            .max_voxels(self.max_voxels)
+            .max_inflated(self.max_inflated)
+            .time(Duration::from_secs(self.time))
+            .connections(self.connections as usize);
+        if let Some(token) = &self.token {
+            options = options.token(token);
+        }
+        if let Some(folder) = &self.ingest_folder {
+            options = options.ingest_folder(folder);
+        }
+        if let Some(requests) = self.concurrency {
+            options = options.concurrency(requests as usize);
+        }
+        if let Some(folder) = &self.page {
+            options = options.page(folder);
+        }
+        options
+    }
+}
+
+/// The error of a server that does not start, with what to do about it.
+fn with_remedy(error: &ServeError) -> Failure {
+    let remedy = match error {
+        ServeError::NeedsToken { .. } => ": set HLACDB_TOKEN (or --token), or listen on 127.0.0.1",
+        ServeError::BadToken => ": make one with `openssl rand -hex 16`",
+        ServeError::Listen { .. } => ": choose another address with --addr (port 0 takes a free port)",
+        ServeError::IngestFolder { .. } => ": choose another folder with --ingest-folder",
+        _ => "",
+    };
+    Failure::message(format!("{}{remedy}", hlacdb::chain(error)))
 }
 
 /// Parses an address or host name with a port.

@@ -106,6 +106,9 @@ impl<'a> Execution<'a> {
         let began = Instant::now();
         let k = query.limit();
         let mut own: Vec<u64> = points.iter().filter_map(|(_, id)| *id).filter(|_| query.exclude_self).collect();
+        if let Some(content) = &query.exclude_content {
+            own.extend(self.snapshot.find(content)?);
+        }
         own.extend(left_out(&self.snapshot, &mut warnings));
         if let PointSource::Memory(state) = &self.points {
             warnings.extend_from_slice(&state.owner.warnings);

@@ -19,6 +19,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use crate::database::scheme::DEFAULT_SPACE;
+use crate::database::texture::ContentHash;
 use crate::error::QueryError;
 use crate::index::IndexMethod;
 use crate::space::Descriptor;
@@ -96,6 +97,7 @@ pub struct Query<'a> {
     space: Option<String>,
     index: IndexMethod,
     exclude_self: bool,
+    exclude_content: Option<[u8; 32]>,
 }
 
 impl<'a> Query<'a> {
@@ -109,6 +111,7 @@ impl<'a> Query<'a> {
             space: None,
             index: IndexMethod::Auto,
             exclude_self: false,
+            exclude_content: None,
         }
     }
 
@@ -223,6 +226,14 @@ impl<'a> Query<'a> {
     #[must_use]
     pub fn exclude_self(mut self) -> Self {
         self.exclude_self = true;
+        self
+    }
+
+    /// Leaves out the stored texture with this content, if there is one. With [`Query::moments`] it does what
+    /// [`Query::exclude_self`] does with [`Query::volume`], and the volume is not described again.
+    #[must_use]
+    pub fn exclude_content(mut self, content: ContentHash) -> Self {
+        self.exclude_content = Some(content.0);
         self
     }
 }

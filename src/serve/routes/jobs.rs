@@ -1,4 +1,4 @@
-//! Jobs as callers begin, watch and end them.
+//! Starting, watching and cancelling jobs.
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
@@ -15,154 +15,155 @@ use serde::{Deserialize, Serialize};
 
 use crate::ReindexOptions;
 use crate::ingest::{self, Options, Status};
-use crate::serve::form::{self, BLOCKS};
-use crate::serve::jobs::{self, Ended, Job, Jobs, Kind, Report, State as JobState};
-use crate::serve::problem::Problem;
+use crate::serve::jobs::{Job, JobKind, JobOutcome, JobReport, JobState, Jobs};
+use crate::serve::parameters;
+use crate::serve::problem::{Problem, ProblemDocument, full_sentence};
 use crate::serve::reply;
 use crate::serve::state::App;
+use crate::volume::display_path;
 
-/// Two events of a job are at least so far apart.
-const PACE: Duration = Duration::from_millis(100);
+/// The least time between two events of a job.
+const EVENT_INTERVAL: Duration = Duration::from_millis(100);
 
 #[derive(Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct ReindexAsked {
-    /// Describe every texture whose voxels are kept anew.
+pub(crate) struct ReindexRequest {
+    /// First describe every texture again whose voxels are stored.
     #[serde(default)]
     reextract: bool,
 }
 
-/// Fit the spaces anew on everything there is
-#[utoipa::path(post, path = "/jobs/reindex", tag = "jobs", request_body = ReindexAsked,
-    responses((status = 202, body = Report, content_type = "application/json"), (status = 403, body = Problem),
-        (status = 409, body = Problem)))]
+/// Fit the spaces again, on all textures
+#[utoipa::path(post, path = "/jobs/reindex", tag = "jobs", request_body = ReindexRequest,
+    responses((status = 202, body = JobReport, content_type = "application/json"), (status = 403, body = ProblemDocument),
+        (status = 409, body = ProblemDocument)))]
 pub(crate) async fn reindex(
     State(app): State<Arc<App>>,
-    asked: Option<Json<ReindexAsked>>,
+    request: Option<Json<ReindexRequest>>,
 ) -> Result<Response, Problem> {
-    app.may_change()?;
-    let options =
-        ReindexOptions { reextract: asked.is_some_and(|Json(asked)| asked.reextract), ..ReindexOptions::default() };
-    let report = Jobs::begin(&app, Kind::Reindex, move |app, job| match app.database.reindex(&options, job) {
-        Ok(report) => Ok(Ended {
+    app.check_writable()?;
+    let options = ReindexOptions {
+        reextract: request.is_some_and(|Json(request)| request.reextract),
+        ..ReindexOptions::default()
+    };
+    let report = Jobs::start(&app, JobKind::Reindex, move |app, job| match app.database.reindex(&options, job) {
+        Ok(report) => Ok(JobOutcome {
             state: JobState::Done,
             message: format!("fit {} of {} on {} textures", report.epoch, report.spaces.join(", "), report.textures),
         }),
-        Err(error) => jobs::stopped(error),
+        Err(error) => JobOutcome::of_error(error),
     })?;
     accepted(&report)
 }
 
 #[derive(Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct IngestAsked {
-    /// A file or folder, by its path below the folder that may be ingested from; the whole folder where it is empty.
+pub(crate) struct IngestRequest {
+    /// A file or folder, by its path below the folder to ingest from; empty for that folder itself.
     #[serde(default)]
     path: String,
-    /// Tags for every texture added.
+    /// Tags of every texture that is added.
     #[serde(default)]
     tags: BTreeMap<String, String>,
-    /// Cut each volume into blocks of this side.
+    /// Cut each volume into blocks of this side, 3 to 4096 voxels.
     block: Option<usize>,
-    /// How samples deeper than 8 bits become 256 levels: `full`, `auto`, `nonzero` or `LO..HI`.
+    /// How samples of more than 8 bits are mapped to 256 levels: `full`, `auto`, `nonzero` or `LO..HI`.
     intensity: Option<String>,
 }
 
-/// Add what is in a folder of the server
-#[utoipa::path(post, path = "/jobs/ingest", tag = "jobs", request_body = IngestAsked,
-    responses((status = 202, body = Report, content_type = "application/json"), (status = 403, body = Problem),
-        (status = 404, body = Problem), (status = 409, body = Problem)))]
-pub(crate) async fn ingest(State(app): State<Arc<App>>, Json(asked): Json<IngestAsked>) -> Result<Response, Problem> {
-    app.may_change()?;
+/// Add the volumes of a file or folder on the server
+#[utoipa::path(post, path = "/jobs/ingest", tag = "jobs", request_body = IngestRequest,
+    responses((status = 202, body = JobReport, content_type = "application/json"), (status = 403, body = ProblemDocument),
+        (status = 404, body = ProblemDocument), (status = 409, body = ProblemDocument)))]
+pub(crate) async fn ingest(
+    State(app): State<Arc<App>>,
+    Json(request): Json<IngestRequest>,
+) -> Result<Response, Problem> {
+    app.check_writable()?;
     let Some(root) = app.ingest_root.clone() else {
-        let sentence = "this server has no folder to ingest from: start it with --ingest-folder, or send the files";
-        return Err(Problem::new(StatusCode::FORBIDDEN, sentence));
+        let detail = "this server has no folder to ingest from: start it with --ingest-folder, or upload the files";
+        return Err(Problem::new(StatusCode::FORBIDDEN, detail));
     };
-    if let Some(side) = asked.block.filter(|side| !BLOCKS.contains(side)) {
-        return Err(Problem::bad_request(format!("{side} is no side of a block: use 3 to 4096")));
+    let block = request.block.map(parameters::check_block_side).transpose()?;
+    parameters::check_tags(&request.tags)?;
+    let mut reading = parameters::read_options(&app.options);
+    if let Some(rule) = &request.intensity {
+        reading.intensity = parameters::intensity(rule)?;
     }
-    let mut options = Options {
-        reading: form::reading(&app),
-        tags: form::tags(asked.tags)?,
-        block: asked.block,
-        within: Some(root.clone()),
-        ..Options::default()
-    };
-    if let Some(rule) = &asked.intensity {
-        options.reading.intensity = form::intensity(rule)?;
-    }
-    let path = app.heavy(move |_| Ok(ingest::confined(&root, &asked.path)?)).await?;
-    let report = Jobs::begin(&app, Kind::Ingest, move |app, job| {
+    let options = Options { reading, tags: request.tags, block, within: Some(root.clone()), ..Options::default() };
+    let path = app.heavy(move |_| Ok(ingest::confined(&root, &request.path)?)).await?;
+    let report = Jobs::start(&app, JobKind::Ingest, move |app, job| {
         let mut failed = 0_u64;
-        let report = ingest::ingest(&app.database, &[path], &options, job, &mut |event| {
+        let mut report = ingest::ingest(&app.database, &[path], &options, job, &mut |event| {
             if event.status == Status::Failed {
                 failed += 1;
-                let error = event.error.as_ref().map(|error| crate::chain(error)).unwrap_or_default();
-                job.say(format!("{failed} failed, the last: {}", app.shown(&error)));
+                job.set_message(format!("{failed} failed, the last: {}", display_path(&event.path)));
             }
         })?;
         let state = if report.cancelled { JobState::Cancelled } else { JobState::Done };
-        let mut message =
-            format!("{} added, {} already there, {} failed", report.added, report.duplicates, report.failed.len());
-        if let Some(last) = report.failed.last() {
-            message = format!("{message}, the last: {}", app.shown(&crate::chain(&last.error)));
+        let (added, duplicates, failed) = (report.added, report.duplicates, report.failed.len());
+        let mut message = format!("{added} added, {duplicates} already in the store, {failed} failed");
+        if let Some(last) = report.failed.pop() {
+            message = format!("{message}, the last: {}", full_sentence(&app.roots.error(last.error)));
         }
-        Ok(Ended { state, message })
+        Ok(JobOutcome { state, message })
     })?;
     accepted(&report)
 }
 
-fn accepted(report: &Report) -> Result<Response, Problem> {
-    let place = format!("/api/v1/jobs/{}", report.id);
+/// 202 with the address of the job.
+fn accepted(report: &JobReport) -> Result<Response, Problem> {
     let mut response = (StatusCode::ACCEPTED, reply::json(report)?).into_response();
-    if let Ok(place) = HeaderValue::from_str(&place) {
-        response.headers_mut().insert(header::LOCATION, place);
+    if let Ok(address) = HeaderValue::from_str(&format!("/api/v1/jobs/{}", report.id)) {
+        response.headers_mut().insert(header::LOCATION, address);
     }
     Ok(response)
 }
 
 #[derive(Serialize, utoipa::ToSchema)]
-struct List {
-    jobs: Vec<Report>,
+struct JobList {
+    jobs: Vec<JobReport>,
 }
 
-/// The jobs of this run of the server, the newest first
-#[utoipa::path(get, path = "/jobs", tag = "jobs", responses((status = 200, body = List, content_type = "application/json")))]
+/// All jobs since the server started, newest first
+#[utoipa::path(get, path = "/jobs", tag = "jobs", responses((status = 200, body = JobList, content_type = "application/json")))]
 pub(crate) async fn list(State(app): State<Arc<App>>) -> Result<Response, Problem> {
-    reply::json(&List { jobs: app.jobs.reports() })
+    reply::json(&JobList { jobs: app.jobs.reports() })
 }
 
 /// One job
 #[utoipa::path(get, path = "/jobs/{id}", tag = "jobs", params(("id" = u64, Path)),
-    responses((status = 200, body = Report, content_type = "application/json"), (status = 404, body = Problem)))]
+    responses((status = 200, body = JobReport, content_type = "application/json"), (status = 404, body = ProblemDocument)))]
 pub(crate) async fn get(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
     reply::json(&app.jobs.get(id)?.report())
 }
 
-/// Stop a job at the next safe place; what it has made durable stays
+/// Cancel a job: it stops at its next safe point, and what it has committed stays
 #[utoipa::path(delete, path = "/jobs/{id}", tag = "jobs", params(("id" = u64, Path)),
-    responses((status = 202, body = Report, content_type = "application/json"), (status = 404, body = Problem)))]
+    responses((status = 202, body = JobReport, content_type = "application/json"), (status = 404, body = ProblemDocument)))]
 pub(crate) async fn cancel(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
     let job = app.jobs.get(id)?;
     job.cancel();
     accepted(&job.report())
 }
 
-/// How far a job is, as it goes: events `progress`, and a last one, `end`
+/// The progress of a job as server-sent events: `progress`, and at last `end`
 #[utoipa::path(get, path = "/jobs/{id}/events", tag = "jobs", params(("id" = u64, Path)),
-    responses((status = 200, body = Report, content_type = "text/event-stream"), (status = 404, body = Problem)))]
+    responses((status = 200, body = JobReport, content_type = "text/event-stream"), (status = 404, body = ProblemDocument)))]
 pub(crate) async fn events(State(app): State<Arc<App>>, Path(id): Path<u64>) -> Result<Response, Problem> {
     let job = app.jobs.get(id)?;
-    Ok(Sse::new(told(&app, &job)).keep_alive(KeepAlive::new().interval(Duration::from_secs(15))).into_response())
+    Ok(Sse::new(event_stream(&app, &job))
+        .keep_alive(KeepAlive::new().interval(Duration::from_secs(15)))
+        .into_response())
 }
 
-fn told(app: &App, job: &Arc<Job>) -> impl Stream<Item = Result<Event, Infallible>> + use<> {
+fn event_stream(app: &App, job: &Arc<Job>) -> impl Stream<Item = Result<Event, Infallible>> + use<> {
     let mut watched = job.watch();
-    // The state of now is the first event.
+    // The current state is the first event.
     watched.mark_changed();
     stream::unfold(Some((watched, app.stopping.clone())), async |open| {
         let (mut watched, mut stopping) = open?;
-        // A server that ends closes its streams, or it would wait for them.
+        // The server waits for open streams when it stops, so they are closed then.
         tokio::select! {
             changed = watched.changed() => changed.ok()?,
             _ = stopping.wait_for(|&stop| stop) => return None,
@@ -174,7 +175,7 @@ fn told(app: &App, job: &Arc<Job>) -> impl Stream<Item = Result<Event, Infallibl
         if ended {
             return Some((Ok(event), None));
         }
-        tokio::time::sleep(PACE).await;
+        tokio::time::sleep(EVENT_INTERVAL).await;
         Some((Ok(event), Some((watched, stopping))))
     })
 }

@@ -1,6 +1,5 @@
 //! The routes of the API, one file per group.
 
-pub(crate) mod add;
 pub(crate) mod jobs;
 pub(crate) mod pictures;
 pub(crate) mod query;

@@ -1,4 +1,4 @@
-//! The store as a whole: sizes, statistics, spaces, tags, the map.
+//! The store as a whole: health, statistics, spaces, tags, the map, explanations of distances.
 
 use std::sync::Arc;
 
@@ -8,9 +8,10 @@ use axum::response::Response;
 use serde::{Deserialize, Serialize};
 
 use crate::DEFAULT_SPACE;
-use crate::serve::problem::Problem;
-use crate::serve::reply::{self, Keep};
+use crate::serve::problem::{Problem, ProblemDocument};
+use crate::serve::reply::{self, CachePolicy};
 use crate::serve::state::App;
+use crate::volume::formats;
 
 #[derive(Serialize, utoipa::ToSchema)]
 struct Health {
@@ -18,106 +19,146 @@ struct Health {
     version: &'static str,
     textures: u64,
     read_only: bool,
-    /// Whether there is a folder to ingest from.
+    /// Whether `POST /jobs/ingest` may be used.
     ingest_folder: bool,
 }
 
-/// Whether all is well
+/// Whether the server and its store work
 #[utoipa::path(get, path = "/health", tag = "server",
-    responses((status = 200, body = Health, content_type = "application/json"), (status = 500, body = Problem)))]
+    responses((status = 200, body = Health, content_type = "application/json"), (status = 500, body = ProblemDocument)))]
 pub(crate) async fn health(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.quick(|app| {
         reply::json(&Health {
             status: "ok",
             version: env!("CARGO_PKG_VERSION"),
             textures: app.database.len()?,
-            read_only: app.settings.read_only,
-            ingest_folder: app.ingest_root.is_some() && !app.settings.read_only,
+            read_only: app.options.read_only,
+            ingest_folder: app.ingest_root.is_some() && !app.options.read_only,
         })
     })
     .await
 }
 
-/// Sizes, settings, the default space, normalisation statistics, drift
+#[derive(Serialize, utoipa::ToSchema)]
+struct FormatList {
+    formats: Vec<FormatSummary>,
+}
+
+#[derive(Serialize, utoipa::ToSchema)]
+struct FormatSummary {
+    /// The name in records, e.g. `nrrd`.
+    name: &'static str,
+    /// The name as people write it, e.g. `NRRD`.
+    title: &'static str,
+    /// What is read of the format.
+    description: &'static str,
+    /// The extensions of its files, each with its dot.
+    extensions: &'static [&'static str],
+    /// How samples may be compressed.
+    compressions: &'static [&'static str],
+}
+
+/// The file formats that uploads and ingested files may have
+#[utoipa::path(get, path = "/formats", tag = "server",
+    responses((status = 200, body = FormatList, content_type = "application/json")))]
+pub(crate) async fn formats() -> Result<Response, Problem> {
+    // Uploads have no description of samples without a header.
+    let readable = formats::infos().filter(|info| info.available && !info.needs_layout);
+    let formats = readable.map(|info| FormatSummary {
+        name: info.name,
+        title: info.title,
+        description: info.description,
+        extensions: info.extensions,
+        compressions: info.compressions,
+    });
+    reply::json(&FormatList { formats: formats.collect() })
+}
+
+/// Sizes, settings, the default space, normalisation statistics and drift of the store
 #[utoipa::path(get, path = "/statistics", tag = "store",
     responses((status = 200, body = Object, description = "As `hlacdb --json stats`", content_type = "application/json")))]
 pub(crate) async fn statistics(State(app): State<Arc<App>>, headers: HeaderMap) -> Result<Response, Problem> {
     app.heavy(move |app| {
-        let tag = reply::tag_of(&[b"statistics", app.run.as_bytes(), &app.database.revision()?.to_le_bytes()]);
-        app.kept(&headers, &tag, || reply::document(&app.database.statistics()?))
+        let tag = reply::entity_tag(&[b"statistics", app.run.as_bytes(), &app.database.revision()?.to_le_bytes()]);
+        app.cached_json(&headers, &tag, || reply::json_bytes(&app.database.statistics()?))
     })
     .await
 }
 
 #[derive(Serialize, utoipa::ToSchema)]
-struct Spaces {
-    spaces: Vec<Space>,
-    /// The one that answers where none is named.
+struct SpaceList {
+    spaces: Vec<SpaceSummary>,
+    /// The space that is used if none is named.
     default: &'static str,
 }
 
 #[derive(Serialize, utoipa::ToSchema)]
-struct Space {
+struct SpaceSummary {
     name: String,
     /// How points and distances are computed.
     about: String,
-    /// The number of the fit; 0 before the first.
+    /// The number of the fit; 0 before the first fit.
     epoch: u64,
-    /// Coordinates of a point.
+    /// The number of coordinates of a point.
     dims: usize,
 }
 
-/// The spaces that can be asked in
-#[utoipa::path(get, path = "/spaces", tag = "likeness", responses((status = 200, body = Spaces, content_type = "application/json")))]
+/// The spaces of the store
+#[utoipa::path(get, path = "/spaces", tag = "likeness", responses((status = 200, body = SpaceList, content_type = "application/json")))]
 pub(crate) async fn spaces(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.heavy(|app| {
-        let spaces = app.database.spaces()?.into_iter().map(|space| Space {
+        let spaces = app.database.spaces()?.into_iter().map(|space| SpaceSummary {
             name: space.name().to_owned(),
             about: space.definition().formula(),
             epoch: space.epoch(),
             dims: space.dims(),
         });
-        reply::json(&Spaces { spaces: spaces.collect(), default: DEFAULT_SPACE })
+        reply::json(&SpaceList { spaces: spaces.collect(), default: DEFAULT_SPACE })
     })
     .await
 }
 
-/// So many values of a tag are listed.
-const VALUES: usize = 200;
+/// How many values of a tag are listed.
+const MAX_VALUES: usize = 200;
 
 #[derive(Serialize, utoipa::ToSchema)]
-struct Tags<'a> {
-    tags: Vec<Tag<'a>>,
+struct TagList<'a> {
+    tags: Vec<TagSummary<'a>>,
 }
 
 #[derive(Serialize, utoipa::ToSchema)]
-struct Tag<'a> {
+struct TagSummary<'a> {
     key: &'a str,
-    /// By falling count, at most 200.
-    values: Vec<Value<'a>>,
-    /// How many values are not listed.
+    /// The most frequent values first, at most 200.
+    values: Vec<TagCount<'a>>,
+    /// The number of values that are not listed.
     others: usize,
 }
 
 #[derive(Serialize, utoipa::ToSchema)]
-struct Value<'a> {
+struct TagCount<'a> {
     value: &'a str,
     count: u64,
 }
 
-/// All tags, their values, and how many textures carry each
-#[utoipa::path(get, path = "/tags", tag = "store", responses((status = 200, body = Tags, content_type = "application/json")))]
+/// All tags with their values and the number of textures that carry each
+#[utoipa::path(get, path = "/tags", tag = "store", responses((status = 200, body = TagList, content_type = "application/json")))]
 pub(crate) async fn tags(State(app): State<Arc<App>>, headers: HeaderMap) -> Result<Response, Problem> {
     app.quick(move |app| {
         let catalogue = app.catalogue()?;
-        let tag = reply::tag_of(&[b"tags", app.run.as_bytes(), &catalogue.revision().to_le_bytes()]);
-        reply::tagged(&headers, &tag, Keep::Check, reply::JSON, || {
-            let tags = catalogue.tags().iter().map(|tag| Tag {
+        let tag = reply::entity_tag(&[b"tags", app.run.as_bytes(), &catalogue.revision().to_le_bytes()]);
+        reply::tagged(&headers, &tag, CachePolicy::Revalidate, reply::JSON, || {
+            let tags = catalogue.tags().iter().map(|tag| TagSummary {
                 key: &tag.key,
-                values: tag.values.iter().take(VALUES).map(|(value, count)| Value { value, count: *count }).collect(),
-                others: tag.values.len().saturating_sub(VALUES),
+                values: tag
+                    .values
+                    .iter()
+                    .take(MAX_VALUES)
+                    .map(|(value, count)| TagCount { value, count: *count })
+                    .collect(),
+                others: tag.values.len().saturating_sub(MAX_VALUES),
             });
-            reply::document(&Tags { tags: tags.collect() })
+            reply::json_bytes(&TagList { tags: tags.collect() })
         })
     })
     .await
@@ -126,11 +167,11 @@ pub(crate) async fn tags(State(app): State<Arc<App>>, headers: HeaderMap) -> Res
 #[derive(Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(crate) struct MapQuery {
-    /// In which space; `default` unless said.
+    /// The space; default `default`.
     space: Option<String>,
     /// The tag whose values colour the map.
     tag: Option<String>,
-    /// At most so many textures, thinned out evenly; 200000 unless said.
+    /// The greatest number of textures, evenly spaced; default 200000.
     limit: Option<usize>,
 }
 
@@ -138,22 +179,22 @@ pub(crate) struct MapQuery {
 struct MapDocument {
     space: String,
     epoch: u64,
-    /// Textures that have a point.
+    /// The number of textures that have a point.
     total: u64,
-    /// The shares of the variance that the two axes show.
+    /// The shares of the variance along the two axes.
     explained: [f64; 2],
     ids: Vec<u64>,
     x: Vec<f32>,
     y: Vec<f32>,
     /// The values of the tag.
     values: Vec<String>,
-    /// For each texture the place of its value in `values`; -1 where it does not carry the tag.
+    /// For each texture the index of its value in `values`; -1 if it does not carry the tag.
     value: Vec<i32>,
 }
 
-/// Every texture as a place in the plane, by the two axes along which the points of a space vary most
+/// The points of all textures, projected to the plane of their greatest variance
 #[utoipa::path(get, path = "/map", tag = "likeness", params(MapQuery),
-    responses((status = 200, body = MapDocument, content_type = "application/json"), (status = 422, body = Problem)))]
+    responses((status = 200, body = MapDocument, content_type = "application/json"), (status = 422, body = ProblemDocument)))]
 pub(crate) async fn map(
     State(app): State<Arc<App>>,
     Query(query): Query<MapQuery>,
@@ -163,23 +204,23 @@ pub(crate) async fn map(
         let space = query.space.as_deref().unwrap_or(DEFAULT_SPACE);
         let limit = query.limit.unwrap_or(200_000).clamp(1, 1_000_000);
         let revision = app.database.revision()?;
-        let asked = format!("{space}\n{:?}\n{limit}\n{revision}", query.tag);
-        let tag = reply::tag_of(&[b"map", app.run.as_bytes(), asked.as_bytes()]);
-        app.kept(&headers, &tag, || reply::document(&drawn(app, space, query.tag.as_deref(), limit)?))
+        let parameters = format!("{space}\n{:?}\n{limit}\n{revision}", query.tag);
+        let tag = reply::entity_tag(&[b"map", app.run.as_bytes(), parameters.as_bytes()]);
+        app.cached_json(&headers, &tag, || reply::json_bytes(&map_document(app, space, query.tag.as_deref(), limit)?))
     })
     .await
 }
 
-fn drawn(app: &App, space: &str, key: Option<&str>, limit: usize) -> Result<MapDocument, Problem> {
+fn map_document(app: &App, space: &str, key: Option<&str>, limit: usize) -> Result<MapDocument, Problem> {
     let map = app.database.map(space, limit)?;
     let catalogue = app.catalogue()?;
     let tag = key.and_then(|key| catalogue.tags().iter().find(|tag| &*tag.key == key));
     let values: Vec<String> =
         tag.map_or_else(Vec::new, |tag| tag.values.iter().map(|(value, _)| value.to_string()).collect());
-    let places: std::collections::HashMap<&str, i32> = values.iter().map(String::as_str).zip(0..).collect();
+    let positions: std::collections::HashMap<&str, i32> = values.iter().map(String::as_str).zip(0..).collect();
     let value = map.ids.iter().map(|&id| {
         let value = catalogue.get(id).zip(key).and_then(|(texture, key)| texture.tag(key));
-        value.and_then(|value| places.get(value).copied()).unwrap_or(-1)
+        value.and_then(|value| positions.get(value).copied()).unwrap_or(-1)
     });
     let value = value.collect();
     Ok(MapDocument {
@@ -198,18 +239,18 @@ fn drawn(app: &App, space: &str, key: Option<&str>, limit: usize) -> Result<MapD
 #[derive(Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(crate) struct ExplainQuery {
-    /// The one texture.
+    /// The id of the one texture.
     a: u64,
-    /// The other.
+    /// The id of the other texture.
     b: u64,
-    /// In which space; `default` unless said.
+    /// The space; default `default`.
     space: Option<String>,
 }
 
-/// What makes the distance between two textures: by view, by number of cells, by orbit
+/// How the distance between two textures is composed: by view, by number of cells, by orbit
 #[utoipa::path(get, path = "/explain", tag = "likeness", params(ExplainQuery),
     responses((status = 200, body = Object, description = "Shares of the distance", content_type = "application/json"),
-        (status = 404, body = Problem), (status = 422, body = Problem)))]
+        (status = 404, body = ProblemDocument), (status = 422, body = ProblemDocument)))]
 pub(crate) async fn explain(
     State(app): State<Arc<App>>,
     Query(query): Query<ExplainQuery>,

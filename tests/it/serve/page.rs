@@ -1,10 +1,10 @@
-//! The page in a real browser: written for node, and begun from here.
+//! Runs the tests of the page, which are written for node, in a real browser.
 
 use std::path::Path;
 use std::process::Command;
 
 #[test]
-#[ignore = "the page's tests need Chromium and node: .ci/run installs what is missing and runs them"]
+#[ignore = "the tests of the page need Chromium and node: .ci/run installs them"]
 fn the_page_works_in_a_real_browser() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser");
     let ended = Command::new("node")
@@ -12,5 +12,5 @@ fn the_page_works_in_a_real_browser() {
         .current_dir(folder)
         .env("HLACDB_BIN", assert_cmd::cargo::cargo_bin("hlacdb"))
         .status();
-    assert!(ended.expect("node is installed").success(), "the page's tests failed: their words are above");
+    assert!(ended.expect("node is installed").success(), "the tests of the page failed: see their output above");
 }

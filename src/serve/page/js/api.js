@@ -1,8 +1,10 @@
-// The JSON API. Every failure becomes a Problem, whose message is the sentence of the server's library.
+// The JSON API. Every failure becomes a Problem with the sentence of the server.
+
+import { append } from "./params.js";
 
 const ROOT = "api/v1/";
 
-/** A request that failed: `status` (0: the server was not reached), `message`, `causes`. */
+/** A failed request: `status` (0 if the server was not reached), `message`, `causes`. */
 export class Problem extends Error {
   constructor(status, message, causes = []) {
     super(message);
@@ -12,18 +14,18 @@ export class Problem extends Error {
   }
 }
 
-async function problemOf(response) {
+async function toProblem(response) {
   const plain = `The server answered ${response.status} ${response.statusText}`.trim() + ".";
   try {
-    const told = await response.json();
-    return new Problem(response.status, told.detail || told.title || plain, told.causes ?? []);
+    const { detail, title, causes } = await response.json();
+    return new Problem(response.status, detail || title || plain, causes ?? []);
   } catch {
     return new Problem(response.status, plain);
   }
 }
 
-/** A request; resolves to a Response that is ok. */
-export async function ask(path, options = {}) {
+/** Sends a request. Resolves to a Response with a status of success. */
+export async function request(path, options = {}) {
   let response;
   try {
     response = await fetch(ROOT + path, { credentials: "same-origin", ...options });
@@ -31,26 +33,20 @@ export async function ask(path, options = {}) {
     if (error.name === "AbortError") throw error;
     throw new Problem(0, "The server cannot be reached. Is hlacdb serve still running?");
   }
-  if (!response.ok) throw await problemOf(response);
+  if (!response.ok) throw await toProblem(response);
   return response;
 }
 
 const json = async (path, options) => {
-  const response = await ask(path, options);
+  const response = await request(path, options);
   return response.status === 204 ? null : response.json();
 };
 const send = (method, path, body, signal) =>
   json(path, { method, signal, body: JSON.stringify(body), headers: { "content-type": "application/json" } });
 
-/** `key=value` pairs and lists as a query string. */
+/** An object as a query string. */
 export function search(params) {
-  const query = new URLSearchParams();
-  for (const [key, value] of Object.entries(params)) {
-    for (const one of Array.isArray(value) ? value : [value]) {
-      if (one !== undefined && one !== null && one !== "") query.append(key, one);
-    }
-  }
-  const text = query.toString();
+  const text = append(new URLSearchParams(), params).toString();
   return text ? `?${text}` : "";
 }
 
@@ -64,18 +60,24 @@ export const explain = (a, b, space, signal) => json(`explain${search({ a, b, sp
 export const map = (space, tag, signal) => json(`map${search({ space, tag })}`, { signal });
 export const jobs = (signal) => json("jobs", { signal });
 export const setTags = (id, changes) => send("PUT", `textures/${id}/tags`, changes);
-export const dropTag = (id, key) => json(`textures/${id}/tags/${encodeURIComponent(key)}`, { method: "DELETE" });
+export const removeTag = (id, key) => json(`textures/${id}/tags/${encodeURIComponent(key)}`, { method: "DELETE" });
 export const remove = (id) => json(`textures/${id}`, { method: "DELETE" });
 export const startJob = (kind, body = {}) => send("POST", `jobs/${kind}`, body);
 export const cancelJob = (id) => json(`jobs/${id}`, { method: "DELETE" });
-export const query = (question, signal) => send("POST", "query", question, signal);
+export const query = (body, signal) => send("POST", "query", body, signal);
 
-/** The spaces of the store; asked for once. */
-let known = null;
-export const spaces = () => (known ??= json("spaces").catch((error) => { known = null; throw error; }));
-export const forgetSpaces = () => { known = null; };
+/** The extensions of the file formats that can be read, as one text; fetched once. */
+let cachedFormats = null;
+export const formats = () => (cachedFormats ??= json("formats").then(
+  ({ formats }) => formats.map(({ extensions }) => extensions[0]).filter(Boolean).join(", "),
+  (error) => { cachedFormats = null; throw error; }));
 
-/** A query by a file: it is kept by the server as an upload. */
+/** The spaces of the store, fetched once. */
+let cachedSpaces = null;
+export const spaces = () => (cachedSpaces ??= json("spaces").catch((error) => { cachedSpaces = null; throw error; }));
+export const clearSpaces = () => { cachedSpaces = null; };
+
+/** A query by a file. The server keeps the file as an upload. */
 export function queryFile(file, options, signal) {
   const form = new FormData();
   form.append("options", JSON.stringify(options));
@@ -91,10 +93,10 @@ export function addFiles(files, tags) {
   return json("textures", { method: "POST", body: form });
 }
 
-/** Where a texture or an upload is: `{id}` or `{token}`. */
-const place = (what) => (what.token ? `uploads/${encodeURIComponent(what.token)}` : `textures/${what.id}`);
-export const thumbnail = (what, size) => `${ROOT}${place(what)}/thumbnail.png?size=${size}`;
-export const sheet = (what, options) => `${ROOT}${place(what)}/slices.png${search(options)}`;
-export const slice = (what, axis, index) => `${ROOT}${place(what)}/slice.png?axis=${axis}&index=${index}`;
-export const voxelsPath = (what, edge) => `${place(what)}/voxels?edge=${edge}`;
-export const eventsOf = (job) => `${ROOT}jobs/${job}/events`;
+/** The path of a texture `{id}` or an upload `{token}`. */
+const pathOf = (what) => (what.token ? `uploads/${encodeURIComponent(what.token)}` : `textures/${what.id}`);
+export const thumbnail = (what, size) => `${ROOT}${pathOf(what)}/thumbnail.png?size=${size}`;
+export const sheet = (what, options) => `${ROOT}${pathOf(what)}/slices.png${search(options)}`;
+export const slice = (what, axis, index) => `${ROOT}${pathOf(what)}/slice.png?axis=${axis}&index=${index}`;
+export const voxelsPath = (what, edge) => `${pathOf(what)}/voxels?edge=${edge}`;
+export const jobEvents = (job) => `${ROOT}jobs/${job}/events`;

@@ -1,4 +1,4 @@
-// Making elements. Styles are set through the CSS object model only, which the page's strict policy allows.
+// Creates elements. Styles are set through the CSS object model only, because the security policy of the page forbids inline styles.
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -15,7 +15,7 @@ export function svg(name, props = {}, ...children) {
 function fill(node, props, children) {
   for (const [key, value] of Object.entries(props)) {
     if (value === undefined || value === null || value === false) continue;
-    if (key === "on") for (const [event, heard] of Object.entries(value)) node.addEventListener(event, heard);
+    if (key === "on") for (const [event, listener] of Object.entries(value)) node.addEventListener(event, listener);
     else if (key === "style") for (const [name, text] of Object.entries(value)) node.style.setProperty(name, text);
     else if (key === "data") Object.assign(node.dataset, value);
     else if (key === "class") node.setAttribute("class", value);
@@ -26,45 +26,42 @@ function fill(node, props, children) {
   return node;
 }
 
-let made = 0;
+let lastId = 0;
 /** An id that no other element of the page has. */
-export const freshId = (stem) => `${stem}-${++made}`;
+export const uniqueId = (stem) => `${stem}-${++lastId}`;
 
-/** A name that may be too long for its place: what is left out is its middle, for names often differ at their ends. */
-export function named(name, props = {}) {
+/** A name whose middle is left out if it is too long, because names often differ at their ends. */
+export function shortenedName(name, props = {}) {
   if (name.length < 16) return el("span", { ...props, class: "name" }, name);
-  // The place of a block stays whole: it is what tells blocks of one volume apart.
+  // The origin of a block is kept whole, because it distinguishes the blocks of a volume.
   const end = /\[[\d,]{1,16}\]$/.exec(name)?.[0].length ?? 9;
   return el("span", { ...props, class: "name cut-name" }, el("span", {}, name.slice(0, -end)), el("span", {}, name.slice(-end)));
 }
 
-/** Calls `what` once things have been quiet for `wait` ms; `.now()` calls it at once, `.drop()` never. */
-export function settled(wait, what) {
+/** Calls `run` once `wait` ms have passed without a further call. `.flush()` runs it at once, `.cancel()` discards the call. */
+export function debounce(wait, run) {
   let timer = 0, last = null;
   const later = (...args) => {
     last = args;
     clearTimeout(timer);
-    timer = setTimeout(later.now, wait);
+    timer = setTimeout(later.flush, wait);
   };
-  later.now = () => { clearTimeout(timer); if (last) { const args = last; last = null; what(...args); } };
-  later.drop = () => { clearTimeout(timer); last = null; };
+  later.flush = () => { clearTimeout(timer); if (last) { const args = last; last = null; run(...args); } };
+  later.cancel = () => { clearTimeout(timer); last = null; };
   return later;
 }
 
-/** Calls `what` at most once a frame, with the last arguments. */
-export function eachFrame(what) {
-  let asked = 0, last;
+/** Calls `run` at most once per frame, with the last arguments. `.cancel()` discards the call. */
+export function oncePerFrame(run) {
+  let request = 0, last;
   const soon = (...args) => {
     last = args;
-    if (!asked) asked = requestAnimationFrame(() => { asked = 0; what(...last); });
+    if (!request) request = requestAnimationFrame(() => { request = 0; run(...last); });
   };
-  soon.drop = () => { cancelAnimationFrame(asked); asked = 0; };
+  soon.cancel = () => { cancelAnimationFrame(request); request = 0; };
   return soon;
 }
 
-/** Whether the reader has asked for less motion. */
-export const lessMotion = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
-
-/** Whether keys typed at `target` are meant for it and are no shortcuts. */
-export const takesKeys = (target) =>
+/** Whether `target` takes key presses itself, so that they are not shortcuts. */
+export const acceptsKeys = (target) =>
   target instanceof Element && target.closest("input:not([type=range]):not([type=checkbox]):not([type=radio]), textarea, select, [contenteditable], dialog") !== null;

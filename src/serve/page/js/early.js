@@ -1,6 +1,6 @@
-// Runs before anything is painted, so that a chosen theme does not flash the other one first.
+// Runs before the first paint, so that the page does not flash in the other theme.
 "use strict";
 try {
   const chosen = localStorage.getItem("hlacdb-theme");
   if (chosen === "light" || chosen === "dark") document.documentElement.dataset.theme = chosen;
-} catch { /* no storage: the system's colours */ }
+} catch { /* no storage: the theme of the system */ }

@@ -1,4 +1,4 @@
-// Numbers and names as people read them.
+// Formats numbers for people.
 
 const whole = new Intl.NumberFormat("en");
 
@@ -8,10 +8,10 @@ export const count = (n) => whole.format(n);
 /** `3 textures`, `1 texture` */
 export const counted = (n, one, many = `${one}s`) => `${count(n)} ${n === 1 ? one : many}`;
 
-/** A distance, always as wide as its neighbours. */
+/** A distance with a fixed number of digits. */
 export const distance = (d) => (d === null || d === undefined ? "–" : d >= 100 ? d.toFixed(1) : d.toFixed(4));
 
-/** Three significant digits, without an exponent where that is readable. */
+/** Three significant digits; very large and very small numbers with an exponent. */
 export function short(x) {
   if (x === 0 || !Number.isFinite(x)) return String(x);
   const size = Math.abs(x);
@@ -26,11 +26,11 @@ export function bytes(n) {
   return `${at === 0 ? n : n.toFixed(1)} ${units[at]}`;
 }
 
-/** Microseconds as the unit that fits. */
+/** Microseconds in a suitable unit. */
 export const time = (us) => (us < 1000 ? `${Math.round(us)} µs` : us < 1e6 ? `${short(us / 1000)} ms` : `${short(us / 1e6)} s`);
 
 /** [48,48,48] → 48 × 48 × 48 */
 export const shape = (sides) => (sides ? sides.join(" × ") : "moments only");
 
-/** The share of a whole, signed when below 0. */
+/** A share in percent, with a minus sign if negative. */
 export const percent = (x) => `${(100 * x).toFixed(Math.abs(x) < 0.0995 ? 1 : 0).replace("-", "−")} %`;

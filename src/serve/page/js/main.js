@@ -1,73 +1,73 @@
-// Starts the page: which view the address asks for, files dropped anywhere, shortcuts.
+// Starts the page: shows the view of the address, accepts files, handles shortcuts.
 import * as api from "./api.js";
-import { takesKeys } from "./dom.js";
+import { acceptsKeys } from "./dom.js";
 import { acceptFiles } from "./files.js";
 import { go, href, parse } from "./route.js";
-import { failed, failure, say } from "./tell.js";
+import { reportError, errorView, announce } from "./messages.js";
 import { themeButton } from "./theme.js";
 
-// Each view is fetched when it is first shown; the others follow when there is nothing else to do.
+// Each view is loaded when it is first shown, the others when the browser is idle.
 const VIEWS = {
   browse: () => import("./views/browse.js"), texture: () => import("./views/texture.js"), query: () => import("./views/query.js"),
   compare: () => import("./views/compare.js"), map: () => import("./views/map.js"), statistics: () => import("./views/statistics.js"),
 };
-// Which entry of the navigation a view belongs to.
-const UNDER = { texture: "browse", compare: "query" };
+// The navigation entry of views that have none of their own.
+const PARENT = { texture: "browse", compare: "query" };
 
 const main = document.getElementById("main");
 let shown = null;
 
-/** What views know of the server, once it is `ready`: `readOnly`, `ingestFolder`, `textures`, `version`. */
+/** The state of the server, known once `ready` resolves: `readOnly`, `ingestFolder`, `textures`, `version`. */
 const server = { readOnly: true, ingestFolder: false, textures: null, version: "", ready: null };
 
 async function readHealth() {
-  const told = await api.health();
-  Object.assign(server, { readOnly: told.read_only, ingestFolder: told.ingest_folder, textures: told.textures, version: told.version });
-  document.getElementById("server-mode").textContent = told.read_only ? "read only" : "";
-  document.documentElement.dataset.readOnly = String(told.read_only);
+  const health = await api.health();
+  Object.assign(server, { readOnly: health.read_only, ingestFolder: health.ingest_folder, textures: health.textures, version: health.version });
+  document.getElementById("server-mode").textContent = health.read_only ? "read-only" : "";
+  document.documentElement.dataset.readOnly = String(health.read_only);
 }
 
-/** Shows what the address says. A view that is shown already may take the change itself (`reroute`). */
+/** Shows the view of the address. The current view may handle the change itself (`reroute`). */
 async function showRoute(event) {
   const route = parse();
-  if (shown?.route.view === route.view && shown.route.arg === route.arg && shown.hold?.reroute?.(route)) {
+  if (shown?.route.view === route.view && shown.route.arg === route.arg && shown.handle?.reroute?.(route)) {
     shown.route = route;
     return;
   }
   shown?.life.abort();
-  shown?.hold?.leave?.();
+  shown?.handle?.leave?.();
   const life = new AbortController();
-  const mine = (shown = { route, life, hold: null });
+  const mine = (shown = { route, life, handle: null });
   for (const link of document.querySelectorAll("#nav a")) {
-    const here = link.dataset.view === (UNDER[route.view] ?? route.view);
-    if (here) link.setAttribute("aria-current", "page"); else link.removeAttribute("aria-current");
+    const current = link.dataset.view === (PARENT[route.view] ?? route.view);
+    if (current) link.setAttribute("aria-current", "page"); else link.removeAttribute("aria-current");
   }
   document.body.dataset.view = route.view;
   main.replaceChildren();
   main.scrollTop = 0;
   main.setAttribute("aria-busy", "true");
   if (!Object.hasOwn(VIEWS, route.view)) {
-    main.append(failure(new api.Problem(404, `This page has no view called “${route.view}”.`)));
+    main.append(errorView(new api.Problem(404, `This page has no view called “${route.view}”.`)));
     main.removeAttribute("aria-busy");
     return;
   }
   try {
-    // A view that cannot be fetched has a reason that the server can name better than the browser.
+    // If a view cannot be loaded, the API gives a better reason than the browser.
     const view = await VIEWS[route.view]().catch(async (error) => { await api.health(); throw error; });
     if (mine !== shown) return;
     document.title = `${view.title(route)} – hlacdb`;
-    const hold = await view.show(main, route, { signal: life.signal, server, renew: readHealth });
-    if (mine !== shown) { hold?.leave?.(); return; }
-    mine.hold = hold;
-    // After a step through the page the reader starts at the new view's heading; on the first load, at the top.
+    const handle = await view.show(main, route, { signal: life.signal, server, readHealth });
+    if (mine !== shown) { handle?.leave?.(); return; }
+    mine.handle = handle;
+    // After a navigation the focus moves to the heading of the new view; on the first load it stays at the top.
     if (event) {
-      say(document.title);
+      announce(document.title);
       if (!main.contains(document.activeElement)) (main.querySelector("[data-start]") ?? main).focus({ preventScroll: true });
     }
   } catch (error) {
     if (mine !== shown || error.name === "AbortError") return;
     if (error.name !== "Problem") console.error(error);
-    main.replaceChildren(failure(error, () => { shown = null; showRoute(); }));
+    main.replaceChildren(errorView(error, () => { shown = null; showRoute(); }));
   } finally {
     if (mine === shown) main.removeAttribute("aria-busy");
   }
@@ -76,7 +76,7 @@ async function showRoute(event) {
 function shortcuts(event) {
   if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
   if (event.key === "Escape" && event.target.closest?.("#search")) { main.querySelector("[role=grid] a[tabindex='0']")?.focus(); return; }
-  if (takesKeys(event.target)) return;
+  if (acceptsKeys(event.target)) return;
   if (event.key === "/") {
     event.preventDefault();
     const field = document.getElementById("search");
@@ -84,7 +84,7 @@ function shortcuts(event) {
   } else if (event.key === "o") {
     document.getElementById("open-file").click();
   } else if (event.key === "Escape" && !document.querySelector("dialog[open]")) {
-    shown?.hold?.escape?.();
+    shown?.handle?.escape?.();
   }
 }
 
@@ -92,19 +92,18 @@ themeButton(document.getElementById("theme"));
 acceptFiles(server);
 addEventListener("route", showRoute);
 addEventListener("popstate", showRoute);
-// A link to the present address asks for it anew, too (after an upload has gone, for one).
 addEventListener("keydown", shortcuts);
 document.getElementById("skip").addEventListener("click", (event) => { event.preventDefault(); main.focus(); });
-// Another process may write to the store: what is shown stays as it is, and the wall offers the rest.
+// Another process may write to the store. The page does not change by itself, but offers to show the changes.
 setInterval(async () => {
   if (document.hidden) return;
   const before = server.textures;
   try { await readHealth(); } catch { return; }
-  if (before !== null && server.textures !== before) dispatchEvent(new Event("grown"));
+  if (before !== null && server.textures !== before) dispatchEvent(new Event("store-changed"));
 }, 15000);
-// The first view need not wait to know whether the store may be written to.
-server.ready = readHealth().catch(failed);
+// The first view does not wait for the state of the server.
+server.ready = readHealth().catch(reportError);
 showRoute().then(() => {
   const idle = globalThis.requestIdleCallback ?? ((run) => setTimeout(run, 500));
-  idle(() => Promise.all(Object.values(VIEWS).map((load) => load())).catch(() => { /* asked for again when shown */ }));
+  idle(() => Promise.all(Object.values(VIEWS).map((load) => load())).catch(() => { /* loaded again when shown */ }));
 });

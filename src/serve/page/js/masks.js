@@ -1,4 +1,4 @@
-// The 251 masks in the paper's order (Figure 3a): letters a..z, A are the cells of the 3x3x3 window, layer by layer.
+// The 251 masks in the order of the paper (Figure 3a). The letters a to z and A are the cells of the 3x3x3 window, layer by layer.
 import { svg } from "./dom.js";
 
 const CELLS = "abcdefghijklmnopqrstuvwxyzA";
@@ -15,7 +15,7 @@ export const MASKS = `
   bjt bjv bjw cks ckv cns cnv cny dks dkt dku dkv dkw dkx dms dmt dns dnt dnu djs djt djv djw eks ekv ems emt ens ejs
   ejt ejv ejw fks fkv fns gms gmt gns gnt gnu hms hmt hns ins`.trim().split(/\s+/);
 
-/** Where the masks of one, two and three cells begin. */
+/** The ranges of the masks of one, two and three cells. */
 export const ORDERS = [{ from: 0, to: 1, name: "1" }, { from: 1, to: 14, name: "2" }, { from: 14, to: 251, name: "3 cells" }];
 
 /** A mask as three small layers of 3x3 cells. */

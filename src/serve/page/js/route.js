@@ -1,7 +1,8 @@
-// The address is the state: `#/texture/12?form=sphere&axis=y`. Views read a Route and write parameters back;
-// `go` makes a new entry in the history, `tune` rewrites the current one.
+// The state of the page is in its address: `#/texture/12?form=sphere&axis=y`. `go` adds an entry to the history,
+// `replaceParams` changes the current one.
+import { append } from "./params.js";
 
-/** What the address says: the view, its argument and its parameters. */
+/** Parses an address into view, argument and parameters. */
 export function parse(hash = location.hash) {
   const text = hash.replace(/^#\/?/, "");
   const mark = text.indexOf("?");
@@ -13,38 +14,27 @@ function decode(text) {
   try { return decodeURIComponent(text); } catch { return text; }
 }
 
-/** The address of a state. `params`: a URLSearchParams or an object; empty and undefined values are left out, arrays repeat. */
+/** The address of a state. `params`: a URLSearchParams, or an object for `append`. */
 export function href(view, arg = null, params = {}) {
-  const query = params instanceof URLSearchParams ? params : new URLSearchParams();
-  if (query !== params) {
-    for (const [key, value] of Object.entries(params)) {
-      for (const one of Array.isArray(value) ? value : [value]) {
-        if (one !== undefined && one !== null && one !== "") query.append(key, one);
-      }
-    }
-  }
+  const query = params instanceof URLSearchParams ? params : append(new URLSearchParams(), params);
   const path = view === "browse" ? "" : view + (arg === null ? "" : `/${encodeURIComponent(arg)}`);
-  // Commas and colons are legal in a fragment and much easier to read than %2C.
+  // Commas and colons are legal in a fragment and easier to read than %2C and %3A.
   const text = query.toString().replaceAll("%2C", ",").replaceAll("%3A", ":");
   return `#/${path}${text ? `?${text}` : ""}`;
 }
 
-/** Goes to a state, with a new entry in the history. */
+/** Shows another state, with a new entry in the history. */
 export function go(address) {
   if (location.hash === address) return;
   history.pushState(null, "", address);
   dispatchEvent(new Event("route"));
 }
 
-/** Rewrites the address of the present state: nothing is shown anew, back leads to where it led before. */
-export function tune(changes) {
+/** Changes parameters of the current address without a new entry in the history and without showing anything. */
+export function replaceParams(changes) {
   const route = parse();
-  for (const [key, value] of Object.entries(changes)) {
-    route.params.delete(key);
-    for (const one of Array.isArray(value) ? value : [value]) {
-      if (one !== undefined && one !== null && one !== "") route.params.append(key, one);
-    }
-  }
+  for (const key of Object.keys(changes)) route.params.delete(key);
+  append(route.params, changes);
   const address = href(route.view, route.arg, route.params);
   if (address !== location.hash) history.replaceState(null, "", address);
   return route.params;

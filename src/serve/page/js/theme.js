@@ -1,8 +1,7 @@
-// Light, dark, or as the system says. `dispatchEvent("theme")` lets canvases draw themselves anew.
+// The theme: light, dark, or that of the system. The event `theme` makes canvases redraw.
 
 const ORDER = ["system", "light", "dark"];
 const SIGN = { system: "◐", light: "○", dark: "●" };
-const SAID = { system: "as the system", light: "light", dark: "dark" };
 
 const read = () => { try { return localStorage.getItem("hlacdb-theme") ?? "system"; } catch { return "system"; } };
 
@@ -14,12 +13,12 @@ function apply(theme, button) {
     else localStorage.setItem("hlacdb-theme", theme);
   } catch { /* no storage: chosen until the page is closed */ }
   button.textContent = SIGN[theme];
-  button.setAttribute("aria-label", `Colours: ${SAID[theme]}`);
-  button.title = `Colours: ${SAID[theme]}`;
+  button.setAttribute("aria-label", `Colours: ${theme}`);
+  button.title = `Colours: ${theme}`;
   dispatchEvent(new Event("theme"));
 }
 
-/** Makes the button go round the three. */
+/** Makes the button switch to the next theme. */
 export function themeButton(button) {
   let theme = ORDER.includes(read()) ? read() : "system";
   apply(theme, button);
@@ -31,7 +30,7 @@ export function themeButton(button) {
 }
 
 let probe = null;
-/** A colour of the style sheet, as canvases want it: `colour("--ink")` → rgb(…). */
+/** A colour of the style sheet for use in a canvas: `colour("--ink")` → rgb(…). */
 export function colour(name) {
   if (!probe) {
     probe = document.createElement("i");

@@ -1,6 +1,6 @@
-// Colours for the values of a tag: as far from one another as they get, for as many values as there are.
+// Colours for the values of a tag, as different as possible.
 
-// A golden angle apart on the wheel, in three lightnesses; the numbers are OKLCH.
+// Hues a golden angle apart in three lightnesses, in OKLCH.
 export function palette(n, dark) {
   const lights = dark ? [0.78, 0.66, 0.86] : [0.58, 0.45, 0.68];
   return Array.from({ length: n }, (_, at) => rgb(lights[at % 3], n > 24 ? 0.11 + 0.03 * (at % 2) : 0.13, (at * 137.508 + 35) % 360));

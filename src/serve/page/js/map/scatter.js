@@ -1,22 +1,22 @@
-// Points on a canvas: many of them by writing pixels, pictures in place of points where there is room.
+// A scatter plot on a canvas: points are written as pixels, and where there is room pictures take their place.
 import { thumbnail } from "../api.js";
 import { colour } from "../theme.js";
 
 const CELLS = 128;
 const PICTURE = 56;
-const MOST_PICTURES = 120;
+const MAX_PICTURES = 120;
 const REACH = 14;
 
 export class Scatter {
-  /** `points`: {ids, x, y}; `lookedUp(change)`: called when pictures have arrived. */
-  constructor(canvas, points, again) {
-    Object.assign(this, { canvas, points, again, paints: null, dim: null, selected: -1, pictures: true, images: new Map() });
+  /** `points`: {ids, x, y}. `redraw()` is called when a picture has been loaded. */
+  constructor(canvas, points, redraw) {
+    Object.assign(this, { canvas, points, redraw, paints: null, dim: null, selected: -1, pictures: true, images: new Map() });
     this.context = canvas.getContext("2d", { willReadFrequently: true });
     this.measure();
     this.sortIntoCells();
   }
 
-  /** The middle and the reach of all points, by percentiles would hide outliers: all of them. */
+  /** Shows all points. Percentiles would hide outliers. */
   measure() {
     const { x, y } = this.points;
     let [left, right, low, high] = [Infinity, -Infinity, Infinity, -Infinity];
@@ -33,7 +33,7 @@ export class Scatter {
     this.view = { x: (left + right) / 2, y: (low + high) / 2, zoom: 1 };
   }
 
-  /** Buckets of points, so that what is near or in sight is found without going through all. */
+  /** Sorts points into cells, so that near and visible points are found without visiting all. */
   sortIntoCells() {
     const { x, y } = this.points, { left, right, low, high } = this.bounds;
     const starts = new Uint32Array(CELLS * CELLS + 1), cell = new Uint32Array(x.length);
@@ -48,7 +48,7 @@ export class Scatter {
     Object.assign(this, { starts, order });
   }
 
-  /** Calls `each(point)` for the points in a part of the plane. */
+  /** Calls `each(point)` for the points in a rectangle of the plane. */
   within(left, right, low, high, each) {
     const b = this.bounds;
     const clamp = (value) => Math.max(0, Math.min(CELLS - 1, Math.floor(value)));
@@ -69,7 +69,7 @@ export class Scatter {
     if (this.canvas.width !== width || this.canvas.height !== height) { this.canvas.width = width; this.canvas.height = height; }
   }
 
-  /** Pixels for one unit of the plane; both axes alike, since they are of one space. */
+  /** Pixels per unit of the plane, equal for both axes. */
   get scale() {
     const { left, right, low, high } = this.bounds;
     return Math.min((this.canvas.width * 0.9) / (right - left), (this.canvas.height * 0.9) / (high - low)) * this.view.zoom;
@@ -78,16 +78,16 @@ export class Scatter {
   toScreen(x, y) { return [this.canvas.width / 2 + (x - this.view.x) * this.scale, this.canvas.height / 2 - (y - this.view.y) * this.scale]; }
   toPlane(px, py) { return [this.view.x + (px - this.canvas.width / 2) / this.scale, this.view.y - (py - this.canvas.height / 2) / this.scale]; }
 
-  /** The part of the plane in sight, wider by `margin` pixels. */
-  seen(margin = 0) {
+  /** The visible rectangle of the plane, with a margin in pixels. */
+  visibleRect(margin = 0) {
     const [left, high] = this.toPlane(-margin, -margin), [right, low] = this.toPlane(this.canvas.width + margin, this.canvas.height + margin);
     return [left, right, low, high];
   }
 
-  /** The points in sight, nearest to the middle first, `most` of them at most; and how many there are. */
-  inSight(most) {
+  /** The visible points, nearest to the centre first, at most `most`; and their total number. */
+  visible(most) {
     const found = [];
-    this.within(...this.seen(), (point) => found.push(point));
+    this.within(...this.visibleRect(), (point) => found.push(point));
     const { x, y } = this.points, { view } = this;
     const far = (point) => (x[point] - view.x) ** 2 + (y[point] - view.y) ** 2;
     const total = found.length;
@@ -95,8 +95,8 @@ export class Scatter {
     return { total, points: found.sort((a, b) => far(a) - far(b)).slice(0, most) };
   }
 
-  /** The point nearest to the middle, in sight or not. */
-  middle() {
+  /** The point nearest to the centre, visible or not. */
+  nearestToCentre() {
     const { x, y } = this.points, { view } = this;
     let best = -1, least = Infinity;
     for (let at = 0; at < x.length; at += 1) {
@@ -106,11 +106,11 @@ export class Scatter {
     return best;
   }
 
-  /** The point nearest to a place on the screen, in CSS pixels; -1 when none is near. */
+  /** The point nearest to a position in CSS pixels; -1 if none is near. */
   pick(px, py) {
     const [cx, cy] = [px * this.ratio, py * this.ratio];
-    const hung = this.hung?.find((one) => Math.abs(one.px - cx) <= one.half && Math.abs(one.py - cy) <= one.half);
-    if (hung) return hung.point;
+    const picture = this.drawn?.find((one) => Math.abs(one.px - cx) <= one.half && Math.abs(one.py - cy) <= one.half);
+    if (picture) return picture.point;
     const [x, y] = this.toPlane(cx, cy), reach = (REACH * this.ratio) / this.scale;
     let best = -1, least = reach * reach;
     this.within(x - reach, x + reach, y - reach, y + reach, (point) => {
@@ -123,12 +123,12 @@ export class Scatter {
   draw() {
     this.fit();
     this.dots();
-    if (this.pictures) this.hang(); else this.hung = [];
+    if (this.pictures) this.drawPictures(); else this.drawn = [];
     if (this.selected >= 0) this.ring(this.selected);
   }
 
-  /** The pixels of the whole picture, empty but for the two axes. */
-  ground() {
+  /** The pixels of the whole picture with the two axes. */
+  background() {
     const { width, height } = this.canvas;
     if (this.frame?.width !== width || this.frame?.height !== height) {
       this.frame = new ImageData(width, height);
@@ -141,12 +141,12 @@ export class Scatter {
     return pixels;
   }
 
-  /** Square points of the colour of their value; those of other values than the one looked at step back. */
+  /** Draws square points in the colour of their value. Points of other values than the selected one are dimmed. */
   dots() {
     const { canvas, paints, dim, dimPaint } = this, { x, y } = this.points, { width, height } = canvas;
-    const pixels = this.ground(), seen = this.seen(6);
+    const pixels = this.background(), rect = this.visibleRect(6);
     let n = 0;
-    this.within(...seen, () => { n += 1; });
+    this.within(...rect, () => { n += 1; });
     const size = Math.max(2, Math.round((n > 40000 ? 2 : n > 4000 ? 3 : n > 600 ? 5 : 7) * Math.max(1, this.ratio * 0.8)));
     const half = size >> 1, scale = this.scale, [ox, oy] = this.toScreen(0, 0);
     const put = (point, paint) => {
@@ -154,19 +154,19 @@ export class Scatter {
       if (px < 0 || py < 0 || px + size > width || py + size > height) return;
       for (let row = py * width + px, end = row + size * width; row < end; row += width) for (let at = row; at < row + size; at += 1) pixels[at] = paint;
     };
-    // Two rounds when some step back, so that what is looked at lies on top.
-    if (dim) this.within(...seen, (point) => { if (dim[point]) put(point, dimPaint); });
-    this.within(...seen, (point) => { if (!dim || !dim[point]) put(point, paints[point]); });
+    // Dimmed points are drawn first, so that the others lie on top.
+    if (dim) this.within(...rect, (point) => { if (dim[point]) put(point, dimPaint); });
+    this.within(...rect, (point) => { if (!dim || !dim[point]) put(point, paints[point]); });
     this.context.putImageData(this.frame, 0, 0);
   }
 
-  /** Pictures where they do not cover one another: first of the points in the middle. */
-  hang() {
-    this.hung = [];
-    // While everything is in sight pictures would hide the shape of the whole: they come with zooming in.
+  /** Draws pictures that do not overlap, beginning at the centre. */
+  drawPictures() {
+    this.drawn = [];
+    // Without zoom, pictures would hide the shape of the whole.
     if (this.view.zoom < 1.9 && this.points.x.length > 60) return;
     const half = (PICTURE * this.ratio) / 2, taken = [];
-    const { points } = this.inSight(1500);
+    const { points } = this.visible(1500);
     const grid = new Set(), side = half * 2 + 6;
     for (const point of points) {
       if (this.dim?.[point]) continue;
@@ -183,7 +183,7 @@ export class Scatter {
       const one = { point, px, py, half, cell: `${column},${row}` };
       grid.add(one.cell);
       taken.push(one);
-      if (taken.length >= MOST_PICTURES) break;
+      if (taken.length >= MAX_PICTURES) break;
     }
     for (const one of taken) {
       const image = this.image(one.point);
@@ -194,11 +194,11 @@ export class Scatter {
       const paint = this.paints[one.point];
       context.strokeStyle = `rgb(${paint & 255} ${(paint >> 8) & 255} ${(paint >> 16) & 255})`;
       context.strokeRect(one.px - half, one.py - half, 2 * half, 2 * half);
-      this.hung.push(one);
+      this.drawn.push(one);
     }
   }
 
-  /** A thumbnail if it is here; else it is asked for, and the map drawn anew when it comes. */
+  /** A thumbnail, or null while it is loaded. The map is redrawn when it is. */
   image(point) {
     const id = this.points.ids[point];
     let image = this.images.get(id);
@@ -206,7 +206,7 @@ export class Scatter {
       if (this.images.size > 600) this.images.delete(this.images.keys().next().value);
       image = new Image();
       image.decoding = "async";
-      image.onload = () => { image.ready = true; this.again(); };
+      image.onload = () => { image.ready = true; this.redraw(); };
       image.src = thumbnail({ id }, 96);
       this.images.set(id, image);
     }
@@ -217,14 +217,14 @@ export class Scatter {
     const { context } = this, [px, py] = this.toScreen(this.points.x[point], this.points.y[point]);
     context.strokeStyle = colour("--mark");
     context.lineWidth = 2.5 * this.ratio;
-    const hung = this.hung.find((one) => one.point === point);
-    if (hung) { context.lineWidth *= 1.6; context.strokeRect(px - hung.half, py - hung.half, 2 * hung.half, 2 * hung.half); return; }
+    const picture = this.drawn.find((one) => one.point === point);
+    if (picture) { context.lineWidth *= 1.6; context.strokeRect(px - picture.half, py - picture.half, 2 * picture.half, 2 * picture.half); return; }
     context.beginPath();
     context.arc(px, py, 11 * this.ratio, 0, 7);
     context.stroke();
   }
 
-  /** Zooms about a place on the screen (CSS pixels; the middle by default). */
+  /** Zooms around a position in CSS pixels, by default the centre. */
   zoom(times, px = this.canvas.clientWidth / 2, py = this.canvas.clientHeight / 2) {
     const before = this.toPlane(px * this.ratio, py * this.ratio);
     this.view.zoom = Math.max(0.5, Math.min(4000, this.view.zoom * times));
@@ -233,7 +233,7 @@ export class Scatter {
     this.view.y += before[1] - after[1];
   }
 
-  /** Moves the map by pixels of the screen. */
+  /** Moves the map by CSS pixels. */
   pan(right, down) {
     this.view.x -= (right * this.ratio) / this.scale;
     this.view.y += (down * this.ratio) / this.scale;

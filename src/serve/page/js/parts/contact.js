@@ -1,14 +1,14 @@
-// The contact sheet: every slice of a texture, in rows, as the paper shows them. One of them is the current one.
+// The contact sheet: all slices of a texture in rows, as in the paper, with a frame around the current slice.
 import * as api from "../api.js";
 import { el } from "../dom.js";
 import { depthOf, sliceSides } from "../volume/voxels.js";
-import { columnsFor, rule } from "./picture.js";
+import { columnsFor, setGrid } from "./picture.js";
 
-// Up to here all slices come as one picture; beyond, each by itself, as it scrolls into sight.
-const MOST_SHEET_VOXELS = 2.2e6;
+// Up to this many voxels all slices are fetched as one picture; above, each slice by itself when it scrolls into view.
+const MAX_SHEET_VOXELS = 2.2e6;
 
 /** `what`: {id} or {token}, with `shape`. `picked(index)` when a slice is clicked. */
-export class Contact {
+export class ContactSheet {
   constructor({ what, axis, picked }) {
     Object.assign(this, { what, picked });
     this.element = el("div", { class: "contact" });
@@ -22,11 +22,11 @@ export class Contact {
     const lines = Math.ceil(depth / this.columns);
     const edge = el("div", { class: "contact-rule edge", "aria-hidden": "true" }, ...Array.from({ length: lines }, (_, line) => el("span", {}, line * this.columns + 1)));
     this.stage = el("div", { class: "contact-stage", style: { "aspect-ratio": `${this.columns * columns} / ${lines * rows}` } });
-    rule(this.stage, this.columns, lines);
+    setGrid(this.stage, this.columns, lines);
     this.lines = lines;
     this.depth = depth;
-    if (shape[0] * shape[1] * shape[2] <= MOST_SHEET_VOXELS) {
-      this.stage.append(el("img", { src: api.sheet(this.what, { axis, columns: this.columns, gap: 0 }), alt: `All ${depth} slices across ${axis}, ${this.columns} to a row`, draggable: "false" }));
+    if (shape[0] * shape[1] * shape[2] <= MAX_SHEET_VOXELS) {
+      this.stage.append(el("img", { src: api.sheet(this.what, { axis, columns: this.columns, gap: 0 }), alt: `All ${depth} slices across ${axis}, ${this.columns} per row`, draggable: "false" }));
     } else {
       this.stage.classList.add("single");
       for (let at = 0; at < depth; at += 1) {

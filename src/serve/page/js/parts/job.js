@@ -1,8 +1,8 @@
-// A long job of the server: its progress as it comes, and a way to stop it.
+// The progress of a job of the server, with a button to cancel it.
 import * as api from "../api.js";
 import { el } from "../dom.js";
 import { count } from "../format.js";
-import { failed, say, toast } from "../tell.js";
+import { reportError, announce, toast } from "../messages.js";
 
 const NAMES = { reindex: "Fitting the spaces", ingest: "Adding volumes" };
 
@@ -16,8 +16,8 @@ export function jobPanel(signal, finished) {
     element.hidden = false;
     element.replaceChildren(el("p", {}, el("b", {}, name), " ", job.message ?? ""),
       el("progress", { "aria-label": name, ...(open ? { max: job.total } : {}), ...(open ? { value: job.done } : {}) }),
-      el("p", { class: "edge" }, open ? `${count(job.done)} of ${count(job.total)}` : "at work"),
-      el("button", { type: "button", class: "quiet", on: { click: () => api.cancelJob(job.id).catch(failed) } }, "Stop"));
+      el("p", { class: "edge" }, open ? `${count(job.done)} of ${count(job.total)}` : "running"),
+      el("button", { type: "button", class: "quiet", on: { click: () => api.cancelJob(job.id).catch(reportError) } }, "Cancel"));
   }
 
   function end(job) {
@@ -26,33 +26,33 @@ export function jobPanel(signal, finished) {
     element.hidden = true;
     const name = NAMES[job.kind] ?? job.kind;
     if (job.state === "failed") toast(`${name}: ${job.error ?? job.message ?? "failed"}`, { bad: true });
-    else if (job.state === "cancelled") toast(`${name} was stopped.`);
-    else { toast(job.message || `${name}: done.`, { stay: (job.message ?? "").length > 60 }); say(`${name}: done.`); }
+    else if (job.state === "cancelled") toast(`${name}: cancelled.`);
+    else { toast(job.message || `${name}: done.`, { stay: (job.message ?? "").length > 60 }); announce(`${name}: done.`); }
     finished(job);
   }
 
   function follow(job) {
     draw(job);
     events?.close();
-    events = new EventSource(api.eventsOf(job.id));
+    events = new EventSource(api.jobEvents(job.id));
     events.addEventListener("progress", (event) => draw(JSON.parse(event.data)));
     events.addEventListener("end", (event) => end(JSON.parse(event.data)));
-    // The browser connects again by itself; a job that is no longer known is over.
+    // The browser reconnects by itself. If the server no longer knows the job, it has ended.
     events.addEventListener("error", () => { if (events?.readyState === EventSource.CLOSED) { element.hidden = true; events = null; } });
   }
 
   return {
     element,
     async start(kind, body) {
-      try { follow(await api.startJob(kind, body)); } catch (error) { failed(error); }
+      try { follow(await api.startJob(kind, body)); } catch (error) { reportError(error); }
     },
-    /** Takes up a job that was running before the page came. */
+    /** Follows a job that was started before the page was loaded. */
     async resume() {
       try {
-        const told = await api.jobs(signal);
-        const running = (told.jobs ?? told).find((job) => job.state === "running");
+        const { jobs } = await api.jobs(signal);
+        const running = jobs.find((job) => job.state === "running");
         if (running) follow(running);
-      } catch { /* a server without jobs */ }
+      } catch { /* the jobs cannot be read: there is nothing to follow */ }
     },
     leave() { events?.close(); },
   };

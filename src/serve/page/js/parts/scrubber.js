@@ -1,13 +1,13 @@
-// Three slices through one voxel, one across each axis: moving in one moves the other two.
+// Three slices through one voxel, one across each axis. Dragging in one slice moves the other two.
 import * as api from "../api.js";
-import { el, freshId, settled } from "../dom.js";
+import { el, uniqueId, debounce } from "../dom.js";
 import { depthOf, slicePixels, sliceSides } from "../volume/voxels.js";
 
 const AXES = ["z", "y", "x"];
-// Which axes a slice's rows and columns run along.
+// The axes of the rows and columns of a slice.
 const ALONG = { z: ["y", "x"], y: ["z", "x"], x: ["z", "y"] };
 
-/** `what`: {id} or {token} with its full shape; `volume`: its voxels, perhaps reduced. `at`: {z, y, x}; `changed(at)`. */
+/** `what`: {id} or {token} with its full shape; `volume`: its voxels, possibly reduced; `at`: {z, y, x}; `changed(at)`. */
 export class Scrubber {
   constructor({ what, volume, at, changed }) {
     Object.assign(this, { what, volume, changed });
@@ -15,8 +15,8 @@ export class Scrubber {
     this.at = Object.fromEntries(AXES.map((axis, i) => [axis, Math.max(0, Math.min(this.shape[i] - 1, at?.[axis] ?? Math.floor(this.shape[i] / 2)))]));
     this.panels = Object.fromEntries(AXES.map((axis) => [axis, this.panel(axis)]));
     this.element = el("div", { class: "scrubber" }, ...AXES.map((axis) => this.panels[axis].element));
-    // Where the voxels here are averaged, the slice as it is follows once the reader has stopped.
-    this.sharpen = settled(180, () => { for (const axis of AXES) this.fetchSlice(axis); });
+    // If the voxels are reduced, the slices in full resolution are fetched once the position no longer changes.
+    this.sharpen = debounce(180, () => { for (const axis of AXES) this.fetchSlice(axis); });
     this.draw();
   }
 
@@ -28,9 +28,9 @@ export class Scrubber {
     const image = el("img", { alt: "", hidden: true, draggable: "false" });
     const cross = [el("i", { class: "cross row" }), el("i", { class: "cross column" })];
     const stage = el("div", { class: "slice", style: { "aspect-ratio": `${fullColumns} / ${fullRows}` } }, canvas, image, cross);
-    const id = freshId("slice"), told = el("output", { for: id, class: "edge" });
-    const most = depthOf(this.shape, axis) - 1;
-    const input = el("input", { id, type: "range", min: 0, max: most, step: 1, value: this.at[axis], on: { input: () => this.set({ [axis]: Number(input.value) }) } });
+    const id = uniqueId("slice"), output = el("output", { for: id, class: "edge" });
+    const last = depthOf(this.shape, axis) - 1;
+    const input = el("input", { id, type: "range", min: 0, max: last, step: 1, value: this.at[axis], on: { input: () => this.set({ [axis]: Number(input.value) }) } });
     const move = (event) => {
       if (event.buttons === 0) return;
       const box = stage.getBoundingClientRect(), [down, across] = ALONG[axis];
@@ -39,8 +39,8 @@ export class Scrubber {
     };
     stage.addEventListener("pointerdown", (event) => { stage.setPointerCapture(event.pointerId); move(event); });
     stage.addEventListener("pointermove", move);
-    const element = el("div", { class: "scrub" }, stage, el("div", { class: "row" }, el("label", { for: id }, axis), input, told));
-    return { element, canvas, image, cross, input, told, most };
+    const element = el("div", { class: "scrub" }, stage, el("div", { class: "row" }, el("label", { for: id }, axis), input, output));
+    return { element, canvas, image, cross, input, output, last };
   }
 
   set(changes) {
@@ -57,7 +57,7 @@ export class Scrubber {
       const wanted = api.slice(this.what, axis, this.at[axis]);
       if (panel.image.dataset.of !== wanted) panel.image.hidden = true;
       panel.input.value = this.at[axis];
-      panel.told.textContent = `${this.at[axis] + 1} of ${panel.most + 1}`;
+      panel.output.textContent = `${this.at[axis] + 1} of ${panel.last + 1}`;
       const share = (other) => `${((this.at[other] + 0.5) / depthOf(this.shape, other)) * 100}%`;
       panel.cross[0].style.top = share(down);
       panel.cross[1].style.left = share(across);
@@ -73,5 +73,5 @@ export class Scrubber {
     image.src = wanted;
   }
 
-  leave() { this.sharpen.drop(); }
+  leave() { this.sharpen.cancel(); }
 }

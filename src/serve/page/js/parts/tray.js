@@ -1,10 +1,10 @@
-// The tray: textures marked as examples, to search with all of them, or to look at two side by side. Kept in the address.
+// The tray: textures that are marked as examples, to search by all of them or to compare two. They are part of the address.
 import { el } from "../dom.js";
 import { counted } from "../format.js";
-import { href, tune } from "../route.js";
-import { say } from "../tell.js";
+import { href, replaceParams } from "../route.js";
+import { announce } from "../messages.js";
 
-/** `changed(ids)`: a Set of marked ids. `space()`: the space in use, if one is chosen. */
+/** `changed(ids)` gets the Set of marked ids; `space()` returns the chosen space, if any. */
 export class Tray {
   constructor(params, changed, space = () => null) {
     Object.assign(this, { changed, space });
@@ -15,17 +15,17 @@ export class Tray {
 
   toggle(id) {
     if (this.ids.has(id)) this.ids.delete(id); else this.ids.add(id);
-    say(this.ids.has(id) ? `Marked, ${counted(this.ids.size, "texture")} in all.` : `No longer marked.`);
-    this.tell();
+    announce(this.ids.has(id) ? `Marked. ${counted(this.ids.size, "texture")} marked.` : "Mark removed.");
+    this.update();
   }
 
   clear() {
     this.ids.clear();
-    this.tell();
+    this.update();
   }
 
-  tell() {
-    tune({ mark: [...this.ids].join(",") });
+  update() {
+    replaceParams({ mark: [...this.ids].join(",") });
     this.draw();
     this.changed(this.ids);
   }
@@ -35,8 +35,8 @@ export class Tray {
     this.element.hidden = ids.length === 0;
     this.element.replaceChildren(
       el("span", { class: "tray-count" }, `${ids.length} marked`),
-      el("a", { class: "button main", href: href("query", null, { ids: ids.join(","), space }) }, ids.length > 1 ? "Find alike to all of them" : "Find alike"),
-      ids.length === 2 ? el("a", { class: "button", href: href("compare", null, { a: ids[0], b: ids[1], space }) }, "Side by side") : null,
+      el("a", { class: "button main", href: href("query", null, { ids: ids.join(","), space }) }, ids.length > 1 ? "Find similar to all" : "Find similar"),
+      ids.length === 2 ? el("a", { class: "button", href: href("compare", null, { a: ids[0], b: ids[1], space }) }, "Compare") : null,
       el("button", { type: "button", class: "quiet", on: { click: () => this.clear() } }, "Clear"));
   }
 }

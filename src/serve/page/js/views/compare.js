@@ -1,56 +1,56 @@
-// Two textures side by side: turned together, sliced together, and their distance taken apart.
+// Two textures side by side: they turn and are sliced together. Below, their distance by view, cells and orbit.
 import * as api from "../api.js";
-import { el, settled } from "../dom.js";
+import { el, debounce } from "../dom.js";
 import { distance, percent, shape } from "../format.js";
 import { glyph } from "../masks.js";
-import { go, href, tune } from "../route.js";
-import { sentence } from "../tell.js";
-import { noVoxels, sheet } from "../parts/picture.js";
+import { go, href, replaceParams } from "../route.js";
+import { errorText } from "../messages.js";
+import { contactSheet, noVoxels } from "../parts/picture.js";
 import { bars } from "../parts/plot.js";
 import { tagLine } from "../parts/tags.js";
 import { Camera } from "../volume/camera.js";
 import { FORMS } from "../volume/marcher.js";
-import { Viewer, choice, homeTransfer } from "../volume/viewer.js";
+import { Viewer, choice, defaultTransfer } from "../volume/viewer.js";
 import { depthOf, readVoxels, slicePixels } from "../volume/voxels.js";
 import { EDGE, viewerState } from "./texture.js";
 
-export const title = () => "Side by side";
+export const title = () => "Compare";
 const AXES = ["z", "y", "x"];
 
 export async function show(root, route, { signal }) {
   const ids = ["a", "b"].map((key) => Number(route.params.get(key)));
-  if (ids.some((id) => !Number.isInteger(id) || id < 1)) throw new api.Problem(404, "Two textures are compared: mark two, and choose “Side by side”.");
+  if (ids.some((id) => !Number.isInteger(id) || id < 1)) throw new api.Problem(404, "A comparison needs two textures: mark two and choose “Compare”.");
   const entries = await Promise.all(ids.map((id) => api.texture(id, signal)));
   document.title = `${entries[0].name} and ${entries[1].name} – hlacdb`;
-  const camera = new Camera(route.params.get("cam")), viewers = [], scrubbed = [];
-  const write = settled(250, () => tune({ cam: camera.write() }));
+  const camera = new Camera(route.params.get("cam")), viewers = [], sliceDrawers = [];
+  const write = debounce(250, () => replaceParams({ cam: camera.write() }));
   camera.addEventListener("turn", write, { signal });
   const stages = entries.map(() => el("div", { class: "compare-stage" }));
   const columns = entries.map((entry, at) => el("section", { class: "compare-one", "aria-label": entry.name },
     el("header", {}, el("p", { class: "edge" }, `${at === 0 ? "A" : "B"} · texture ${entry.id} · ${shape(entry.shape)}`), el("h2", {}, el("a", { href: href("texture", entry.id) }, entry.name)), tagLine(entry.tags, 4)),
     stages[at]));
-  const sheets = el("section", { "aria-label": "Every slice of both" }, el("div", { class: "compare-two" }, entries.map((entry) => sheet(entry, { eager: true }))));
+  const sheets = el("section", { "aria-label": "All slices of both" }, el("div", { class: "compare-two" }, entries.map((entry) => contactSheet(entry, { eager: true }))));
   const form = FORMS.includes(route.params.get("form")) ? route.params.get("form") : "cloud";
   const forms = choice("Form of both", FORMS.map((form) => [form, form[0].toUpperCase() + form.slice(1)]), form, (form) => {
     for (const viewer of viewers) { viewer.state.form = form; viewer.show(); }
-    tune({ form: form === "cloud" ? null : form });
+    replaceParams({ form: form === "cloud" ? null : form });
   });
   let axis = AXES.includes(route.params.get("axis")) ? route.params.get("axis") : "z";
-  const place = el("input", { type: "range", min: 0, max: 1000, value: Number(route.params.get("at")) || 500, "aria-label": "Place of the slice in both", on: { input: () => { slices(); remember(); } } });
-  const remember = settled(250, () => tune({ at: place.value === "500" ? null : place.value, axis: axis === "z" ? null : axis }));
+  const position = el("input", { type: "range", min: 0, max: 1000, value: Number(route.params.get("at")) || 500, "aria-label": "Position of the slice in both", on: { input: () => { slices(); remember(); } } });
+  const remember = debounce(250, () => replaceParams({ at: position.value === "500" ? null : position.value, axis: axis === "z" ? null : axis }));
   const axes = choice("Axis of the slices of both", AXES.map((axis) => [axis, axis]), axis, (next) => { axis = next; slices(); remember(); });
-  const slices = () => scrubbed.forEach((draw) => draw(axis, place.value / 1000));
-  const why = el("section", { class: "why", "aria-labelledby": "why-title" }, el("h2", { id: "why-title" }, "What sets them apart"), el("p", { class: "soft" }, "…"));
+  const slices = () => sliceDrawers.forEach((draw) => draw(axis, position.value / 1000));
+  const difference = el("section", { class: "difference", "aria-labelledby": "difference-title" }, el("h2", { id: "difference-title" }, "How they differ"), el("p", { class: "soft" }, "…"));
   root.append(el("div", { class: "compare" },
-    el("div", { class: "section-head" }, el("h1", { "data-start": "", tabindex: "-1" }, "Side by side"), forms, el("div", { class: "row compare-slice" }, el("span", { class: "edge" }, "slice"), axes, place)),
-    el("div", { class: "compare-two" }, columns), why, sheets));
-  explain(why, ids, route.params.get("space"), signal);
-  entries.forEach((entry, at) => load(entry, stages[at]).catch((error) => { if (error.name !== "AbortError") stages[at].replaceChildren(el("p", { class: "note" }, sentence(error))); }));
+    el("div", { class: "section-head" }, el("h1", { "data-start": "", tabindex: "-1" }, "Compare"), forms, el("div", { class: "row compare-slice" }, el("span", { class: "edge" }, "slice"), axes, position)),
+    el("div", { class: "compare-two" }, columns), difference, sheets));
+  explain(difference, ids, route.params.get("space"), signal);
+  entries.forEach((entry, at) => load(entry, stages[at]).catch((error) => { if (error.name !== "AbortError") stages[at].replaceChildren(el("p", { class: "note" }, errorText(error))); }));
 
   async function load(entry, stage) {
     if (!entry.voxels) { stage.replaceChildren(el("div", { class: "stage" }, noVoxels())); return; }
     const volume = await readVoxels(entry, EDGE, signal);
-    const viewer = new Viewer({ volume, camera, label: entry.name, signal, bare: true, state: { ...viewerState(route.params, homeTransfer(volume)), form: form } });
+    const viewer = new Viewer({ volume, camera, label: entry.name, signal, bare: true, state: { ...viewerState(route.params, defaultTransfer(volume)), form: form } });
     const canvas = el("canvas", { class: "compare-slice-picture", role: "img", "aria-label": `A slice of ${entry.name}` });
     stage.replaceChildren(viewer.element, canvas);
     viewers.push(viewer);
@@ -60,30 +60,30 @@ export async function show(root, route, { signal }) {
       canvas.height = image.height;
       canvas.getContext("2d").putImageData(image, 0, 0);
     };
-    scrubbed.push(draw);
-    draw(axis, place.value / 1000);
+    sliceDrawers.push(draw);
+    draw(axis, position.value / 1000);
   }
-  return { leave() { write.drop(); remember.drop(); viewers.forEach((viewer) => viewer.leave()); } };
+  return { leave() { write.cancel(); remember.cancel(); viewers.forEach((viewer) => viewer.leave()); } };
 }
 
 /** The shares of the distance: by view, by number of cells, by orbit. */
 async function explain(box, [a, b], space, signal) {
   try {
-    const [told, spaces] = await Promise.all([api.explain(a, b, space, signal), api.spaces()]);
+    const [answer, spaces] = await Promise.all([api.explain(a, b, space, signal), api.spaces()]);
     const chosen = space ?? spaces.default;
     const select = el("select", { "aria-label": "Space", on: { change: () => go(href("compare", null, { a, b, space: select.value === spaces.default ? null : select.value })) } },
       ...spaces.spaces.map((one) => el("option", { value: one.name, selected: one.name === chosen }, one.name)));
-    const explained = told.explanation ?? told;
-    const row = (name, share, title) => ({ name, value: share, told: percent(share), title });
+    const explained = answer.explanation ?? answer;
+    const row = (name, share, title) => ({ name, value: share, text: percent(share), title });
     const views = [...explained.views].map((one) => (Array.isArray(one) ? one : [one.view, one.share])).sort((x, y) => Math.abs(y[1]) - Math.abs(x[1]));
     const orbits = explained.orbits.slice(0, 12).map((one) => row(el("span", { class: "orbit" }, glyph(one.masks[0], 3), el("span", {}, `${one.view} ${one.aspect === "masks" ? "" : one.aspect}`)), one.share, `orbit of ${one.masks.slice(0, 12).join(" ")}${one.masks.length > 12 ? " …" : ""}`));
-    box.replaceChildren(el("div", { class: "section-head" }, el("h2", { id: "why-title" }, "What sets them apart"), el("p", { class: "far-apart" }, el("b", {}, distance(explained.distance)), " in ", select)),
-      el("p", { class: "soft" }, "Shares of the distance. What is above 0 keeps the two apart; what is below brings them together."),
-      el("div", { class: "why-parts" },
+    box.replaceChildren(el("div", { class: "section-head" }, el("h2", { id: "difference-title" }, "How they differ"), el("p", { class: "distance" }, el("b", {}, distance(explained.distance)), " in ", select)),
+      el("p", { class: "soft" }, "Shares of the distance. Positive shares increase it, negative shares reduce it."),
+      el("div", { class: "difference-parts" },
         el("section", {}, el("h3", {}, "by view of the volume"), bars(views.map(([view, share]) => row(view, share)), { label: "Shares by view" })),
         el("section", {}, el("h3", {}, "by cells of the mask"), bars(explained.cells.map((share, at) => row(`${at + 1} ${at ? "cells" : "cell"}`, share)), { label: "Shares by number of cells" })),
-        el("section", {}, el("h3", {}, "by orbit, the largest twelve"), bars(orbits, { label: "Shares by orbit" }))));
+        el("section", {}, el("h3", {}, "by orbit, the twelve largest"), bars(orbits, { label: "Shares by orbit" }))));
   } catch (error) {
-    if (error.name !== "AbortError") box.replaceChildren(el("h2", { id: "why-title" }, "What sets them apart"), el("p", { class: "soft" }, sentence(error)));
+    if (error.name !== "AbortError") box.replaceChildren(el("h2", { id: "difference-title" }, "How they differ"), el("p", { class: "soft" }, errorText(error)));
   }
 }

@@ -1,108 +1,108 @@
-// The whole store as a map: its points on the first two axes of a space, coloured by a tag.
+// A map of the store: its points on the two axes of greatest variance of a space, coloured by a tag.
 import * as api from "../api.js";
-import { eachFrame, el, freshId, named, settled } from "../dom.js";
+import { oncePerFrame, el, uniqueId, shortenedName, debounce } from "../dom.js";
 import { count, counted, percent } from "../format.js";
-import { go, href, tune } from "../route.js";
-import { failed, instead } from "../tell.js";
+import { go, href, replaceParams } from "../route.js";
+import { reportError, emptyState } from "../messages.js";
 import { colour } from "../theme.js";
 import { css, palette } from "../map/palette.js";
 import { Scatter } from "../map/scatter.js";
-import { place } from "../parts/picture.js";
+import { thumbnail } from "../parts/picture.js";
 import { tagLine } from "../parts/tags.js";
 
 export const title = () => "Map";
-const LISTED = 24;
+const MAX_LISTED = 24;
 
 export async function show(root, route, { signal }) {
   const params = route.params;
   const [spaces, { tags }] = await Promise.all([api.spaces(), api.tags(signal)]);
-  // The key that tells the textures best apart at a glance: the first with some values, but not one for each texture.
-  const usual = tags.find(({ values, others }) => values.length > 1 && values.length <= 60 && !others)?.key ?? tags[0]?.key ?? null;
-  const key = params.has("tag") ? params.get("tag") : usual;
+  // By default the first key with several values, but not as many as textures.
+  const defaultKey = tags.find(({ values, others }) => values.length > 1 && values.length <= 60 && !others)?.key ?? tags[0]?.key ?? null;
+  const key = params.has("tag") ? params.get("tag") : defaultKey;
   const space = params.get("space") ?? spaces.default;
-  const told = await api.map(space, key, signal);
-  const ids = [freshId("space"), freshId("tag"), freshId("pictures")];
+  const map = await api.map(space, key, signal);
+  const ids = [uniqueId("space"), uniqueId("tag"), uniqueId("pictures")];
   const spaceSelect = el("select", { id: ids[0], on: { change: () => go(href("map", null, { space: spaceSelect.value, tag: params.get("tag") })) } }, ...spaces.spaces.map((one) => el("option", { value: one.name, selected: one.name === space }, one.name)));
   const tagSelect = el("select", { id: ids[1], on: { change: () => go(href("map", null, { space: params.get("space"), tag: tagSelect.value })) } }, ...tags.map((one) => el("option", { value: one.key, selected: one.key === key }, one.key)));
-  const explained = (told.explained ?? []).map((share) => (share > 1 ? share / 100 : share));
+  const { explained } = map;
   const head = el("div", { class: "section-head" }, el("h1", { "data-start": "", tabindex: "-1" }, "Map"),
     el("div", { class: "row" }, el("label", { for: ids[0] }, "space"), spaceSelect), tags.length > 0 && el("div", { class: "row" }, el("label", { for: ids[1] }, "coloured by"), tagSelect),
-    el("p", { class: "edge" }, `${counted(told.total ?? told.ids.length, "texture")}${explained.length ? ` · the two axes hold ${percent(explained[0] + explained[1])} of the variance` : ""}`));
-  if (told.ids.length === 0) { root.append(el("div", { class: "map-view" }, head, instead("There is no map yet", "The store has no points in this space. Add textures, or fit the space under Statistics."))); return null; }
+    el("p", { class: "edge" }, `${counted(map.total, "texture")} · the two axes hold ${percent(explained[0] + explained[1])} of the variance`));
+  if (map.ids.length === 0) { root.append(el("div", { class: "map-view" }, head, emptyState("No map yet", "The store has no points in this space. Add textures, or fit the space under Statistics."))); return null; }
 
-  const canvas = el("canvas", { class: "map", tabindex: "0", role: "application", "aria-roledescription": "map", "aria-label": `Map of ${counted(told.ids.length, "texture")}: arrow keys move it, plus and minus zoom, 0 shows all, Enter chooses the texture nearest to the middle. What is in sight is listed beside it.` });
+  const canvas = el("canvas", { class: "map", tabindex: "0", role: "application", "aria-roledescription": "map", "aria-label": `Map of ${counted(map.ids.length, "texture")}: arrow keys move it, plus and minus zoom, 0 shows all, Enter selects the texture nearest to the centre. Visible textures are listed beside it.` });
   const tip = el("div", { class: "map-tip", hidden: true });
-  const legend = el("div", { class: "legend" }), card = el("div", { class: "map-card", hidden: true, role: "region", "aria-label": "The chosen texture" });
-  const list = el("ul", { class: "plain in-sight" }), listed = el("p", { class: "edge" });
+  const legend = el("div", { class: "legend" }), card = el("div", { class: "map-card", hidden: true, role: "region", "aria-label": "The selected texture" });
+  const list = el("ul", { class: "plain visible-list" }), listed = el("p", { class: "edge" });
   const zoomTo = (times) => { scatter.zoom(times); moved(); };
   const tools = el("div", { class: "map-tools" },
-    el("button", { type: "button", "aria-label": "Nearer", on: { click: () => zoomTo(1.6) } }, "+"), el("button", { type: "button", "aria-label": "Farther", on: { click: () => zoomTo(1 / 1.6) } }, "−"),
+    el("button", { type: "button", "aria-label": "Zoom in", on: { click: () => zoomTo(1.6) } }, "+"), el("button", { type: "button", "aria-label": "Zoom out", on: { click: () => zoomTo(1 / 1.6) } }, "−"),
     el("button", { type: "button", "aria-label": "Show all", on: { click: () => { scatter.measure(); moved(); } } }, "all"));
   root.append(el("div", { class: "map-view" }, head, el("div", { class: "map-stage" }, canvas, tip, tools, card),
-    el("aside", { class: "map-side", "aria-label": "Legend and what is in sight" }, legend, el("section", {}, el("h2", {}, "In sight"), listed, list))));
+    el("aside", { class: "map-side", "aria-label": "Legend and visible textures" }, legend, el("section", {}, el("h2", {}, "Visible"), listed, list))));
 
-  const draw = eachFrame(() => scatter.draw());
-  const scatter = new Scatter(canvas, { ids: told.ids, x: Float64Array.from(told.x), y: Float64Array.from(told.y) }, draw);
+  const draw = oncePerFrame(() => scatter.draw());
+  const scatter = new Scatter(canvas, { ids: map.ids, x: Float64Array.from(map.x), y: Float64Array.from(map.y) }, draw);
   const names = new Map();
   let only = params.get("only");
   function paint() {
     const dark = getComputedStyle(document.documentElement).colorScheme.includes("dark") && !getComputedStyle(document.documentElement).colorScheme.includes("light")
       || (document.documentElement.dataset.theme === undefined && matchMedia("(prefers-color-scheme: dark)").matches);
-    const colours = palette(Math.max(1, told.values?.length ?? 0), dark), none = dark ? [150, 150, 146] : [110, 110, 106];
+    const colours = palette(Math.max(1, map.values?.length ?? 0), dark), none = dark ? [150, 150, 146] : [110, 110, 106];
     const packed = ([r, g, b]) => (255 << 24 | b << 16 | g << 8 | r) >>> 0;
     const paints = colours.map(packed), plain = packed(none);
-    scatter.paints = Uint32Array.from(told.ids, (_, at) => { const value = told.value?.[at] ?? -1; return value < 0 ? plain : paints[value]; });
+    scatter.paints = Uint32Array.from(map.ids, (_, at) => { const value = map.value?.[at] ?? -1; return value < 0 ? plain : paints[value]; });
     scatter.dimPaint = packed(colour("--hair").match(/\d+/g).slice(0, 3).map(Number));
     dim();
     drawLegend(colours, none);
     draw();
   }
   function dim() {
-    const at = only === null ? -1 : told.values.indexOf(only);
-    scatter.dim = at < 0 ? null : Uint8Array.from(told.ids, (_, point) => (told.value[point] === at ? 0 : 1));
+    const at = only === null ? -1 : map.values.indexOf(only);
+    scatter.dim = at < 0 ? null : Uint8Array.from(map.ids, (_, point) => (map.value[point] === at ? 0 : 1));
   }
   function drawLegend(colours, none) {
     const counts = new Map();
-    for (const value of told.value ?? []) counts.set(value, (counts.get(value) ?? 0) + 1);
-    const entry = (value, text, paint) => el("li", {}, el("button", { type: "button", class: "facet", "aria-pressed": String(value !== null && only === value), disabled: value === null, on: { click: () => { only = only === value ? null : value; tune({ only }); paint_(); } } },
-      el("i", { class: "dot", style: { background: css(paint) } }), el("span", { class: "value" }, text), el("span", { class: "edge" }, count(counts.get(value === null ? -1 : told.values.indexOf(value)) ?? 0))));
+    for (const value of map.value ?? []) counts.set(value, (counts.get(value) ?? 0) + 1);
+    const entry = (value, text, paint) => el("li", {}, el("button", { type: "button", class: "facet", "aria-pressed": String(value !== null && only === value), disabled: value === null, on: { click: () => { only = only === value ? null : value; replaceParams({ only }); repaint(); } } },
+      el("i", { class: "dot", style: { background: css(paint) } }), el("span", { class: "value" }, text), el("span", { class: "edge" }, count(counts.get(value === null ? -1 : map.values.indexOf(value)) ?? 0))));
     const top = legend.querySelector("ul")?.scrollTop ?? 0;
-    legend.replaceChildren(el("h2", {}, key ?? "Textures"), el("ul", { class: "plain" }, ...(told.values ?? []).map((value, at) => entry(value, value || "(empty)", colours[at])), counts.has(-1) && key ? entry(null, "without", none) : null));
+    legend.replaceChildren(el("h2", {}, key ?? "Textures"), el("ul", { class: "plain" }, ...(map.values ?? []).map((value, at) => entry(value, value || "(empty)", colours[at])), counts.has(-1) && key ? entry(null, "without", none) : null));
     legend.querySelector("ul").scrollTop = top;
   }
-  const paint_ = () => { const focused = legend.contains(document.activeElement) ? [...legend.querySelectorAll("button")].indexOf(document.activeElement) : -1; paint(); listSight(); if (focused >= 0) legend.querySelectorAll("button")[focused]?.focus(); };
+  const repaint = () => { const focused = legend.contains(document.activeElement) ? [...legend.querySelectorAll("button")].indexOf(document.activeElement) : -1; paint(); listVisible(); if (focused >= 0) legend.querySelectorAll("button")[focused]?.focus(); };
 
   const nameOf = async (point) => {
-    const id = told.ids[point];
+    const id = map.ids[point];
     if (!names.has(id)) names.set(id, api.texture(id, signal).catch(() => ({ id, name: `texture ${id}`, tags: {}, voxels: false })));
     return names.get(id);
   };
-  const listSight = settled(220, async () => {
-    const { total, points } = scatter.inSight(400);
-    const chosen = points.filter((point) => !scatter.dim?.[point]).slice(0, LISTED);
+  const listVisible = debounce(220, async () => {
+    const { total, points } = scatter.visible(400);
+    const chosen = points.filter((point) => !scatter.dim?.[point]).slice(0, MAX_LISTED);
     const entries = await Promise.all(chosen.map(nameOf));
     if (signal.aborted) return;
-    listed.textContent = `${counted(total, "texture")}${total > chosen.length ? `, the ${chosen.length} nearest to the middle` : ""}`;
-    list.replaceChildren(...entries.map((entry) => el("li", {}, el("a", { href: href("texture", entry.id), title: entry.name }, el("span", { class: "box" }, place(entry, 96)), named(entry.name)))));
+    listed.textContent = `${counted(total, "texture")}${total > chosen.length ? `, the ${chosen.length} nearest to the centre` : ""}`;
+    list.replaceChildren(...entries.map((entry) => el("li", {}, el("a", { href: href("texture", entry.id), title: entry.name }, el("span", { class: "box" }, thumbnail(entry, 96)), shortenedName(entry.name)))));
   });
-  const write = settled(250, () => {
+  const write = debounce(250, () => {
     const { x, y, zoom } = scatter.view;
-    tune({ view: zoom === 1 ? null : [x, y].map((n) => n.toFixed(4)).concat(zoom.toFixed(2)).join(",") });
+    replaceParams({ view: zoom === 1 ? null : [x, y].map((n) => n.toFixed(4)).concat(zoom.toFixed(2)).join(",") });
   });
-  const moved = () => { draw(); write(); listSight(); };
+  const moved = () => { draw(); write(); listVisible(); };
 
   async function select(point) {
     scatter.selected = point;
     draw();
-    tune({ sel: point < 0 ? null : told.ids[point] });
+    replaceParams({ sel: point < 0 ? null : map.ids[point] });
     card.hidden = point < 0;
     if (point < 0) return;
     const entry = await nameOf(point);
-    card.replaceChildren(el("span", { class: "box" }, place(entry, 192)), el("div", {}, el("p", { class: "edge" }, `texture ${entry.id}`), el("h2", {}, entry.name), tagLine(entry.tags, 4),
-      el("p", { class: "actions" }, el("a", { class: "button main", href: href("query", null, { ids: entry.id, space: params.get("space") }) }, "Find alike"), el("a", { class: "button", href: href("texture", entry.id) }, "Open"))),
+    card.replaceChildren(el("span", { class: "box" }, thumbnail(entry, 192)), el("div", {}, el("p", { class: "edge" }, `texture ${entry.id}`), el("h2", {}, entry.name), tagLine(entry.tags, 4),
+      el("p", { class: "actions" }, el("a", { class: "button main", href: href("query", null, { ids: entry.id, space: params.get("space") }) }, "Find similar"), el("a", { class: "button", href: href("texture", entry.id) }, "Open"))),
     el("button", { type: "button", class: "quiet icon", "aria-label": "Close", on: { click: () => { select(-1); canvas.focus(); } } }, "×"));
   }
-  pointer(canvas, scatter, { moved, select, hover: hovering(tip, scatter, nameOf), signal });
+  addControls(canvas, scatter, { moved, select, hover: showTip(tip, scatter, nameOf), signal });
   const fit = new ResizeObserver(() => draw());
   fit.observe(canvas);
   addEventListener("theme", paint, { signal });
@@ -110,18 +110,18 @@ export async function show(root, route, { signal }) {
   const view = (params.get("view") ?? "").split(",").map(Number);
   scatter.fit();
   if (view.length === 3 && view.every(Number.isFinite) && view[2] > 0) scatter.view = { x: view[0], y: view[1], zoom: view[2] };
-  const chosen = told.ids.indexOf(Number(params.get("sel")));
+  const chosen = map.ids.indexOf(Number(params.get("sel")));
   paint();
-  listSight();
+  listVisible();
   if (chosen >= 0) {
     if (!params.get("view")) Object.assign(scatter.view, { x: scatter.points.x[chosen], y: scatter.points.y[chosen], zoom: 3 });
-    select(chosen).catch(failed);
+    select(chosen).catch(reportError);
   }
-  return { escape() { if (scatter.selected >= 0) select(-1); }, leave() { fit.disconnect(); draw.drop(); listSight.drop(); write.drop(); } };
+  return { escape() { if (scatter.selected >= 0) select(-1); }, leave() { fit.disconnect(); draw.cancel(); listVisible.cancel(); write.cancel(); } };
 }
 
-/** The name and picture of the point under the pointer. */
-function hovering(tip, scatter, nameOf) {
+/** Shows the name and picture of the point under the pointer. */
+function showTip(tip, scatter, nameOf) {
   let last = -1;
   return async (point, px, py) => {
     if (point < 0) { last = -1; tip.hidden = true; return; }
@@ -131,14 +131,14 @@ function hovering(tip, scatter, nameOf) {
     last = point;
     const entry = await nameOf(point);
     if (last !== point) return;
-    tip.replaceChildren(el("span", { class: "box" }, place(entry, 96)), el("span", {}, el("b", {}, entry.name), tagLine(entry.tags, 2)));
+    tip.replaceChildren(el("span", { class: "box" }, thumbnail(entry, 96)), el("span", {}, el("b", {}, entry.name), tagLine(entry.tags, 2)));
     tip.hidden = false;
   };
 }
 
-/** Dragging, pinching, the wheel and keys move the map; a click chooses a point. */
-function pointer(canvas, scatter, { moved, select, hover, signal }) {
-  const on = (name, heard, options = {}) => canvas.addEventListener(name, heard, { signal, ...options });
+/** Dragging, pinching, the wheel and keys move the map; a click selects a point. */
+function addControls(canvas, scatter, { moved, select, hover, signal }) {
+  const on = (name, listener, options = {}) => canvas.addEventListener(name, listener, { signal, ...options });
   const held = new Map();
   let far = 0;
   on("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); held.set(event.pointerId, [event.offsetX, event.offsetY]); far = 0; });
@@ -161,10 +161,10 @@ function pointer(canvas, scatter, { moved, select, hover, signal }) {
   on("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const by = event.shiftKey ? 160 : 48;
-    // What is chosen from the keyboard comes to the middle, so that it is seen.
+    // A point that is selected with the keyboard is moved to the centre, so that it is visible.
     const choose = (point) => { if (point >= 0) Object.assign(scatter.view, { x: scatter.points.x[point], y: scatter.points.y[point] }); select(point); };
     const moves = { ArrowLeft: () => scatter.pan(by, 0), ArrowRight: () => scatter.pan(-by, 0), ArrowUp: () => scatter.pan(0, by), ArrowDown: () => scatter.pan(0, -by),
-      "+": () => scatter.zoom(1.4), "=": () => scatter.zoom(1.4), "-": () => scatter.zoom(1 / 1.4), 0: () => scatter.measure(), Enter: () => choose(scatter.middle()) };
+      "+": () => scatter.zoom(1.4), "=": () => scatter.zoom(1.4), "-": () => scatter.zoom(1 / 1.4), 0: () => scatter.measure(), Enter: () => choose(scatter.nearestToCentre()) };
     if (!moves[event.key]) return;
     event.preventDefault();
     moves[event.key]();

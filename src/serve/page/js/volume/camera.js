@@ -1,9 +1,9 @@
-// Where a volume is looked at from. Several views may share one camera: then they turn together.
+// The camera of a volume view. Views that share a camera turn together.
 
 const NEAREST = 0.5, FARTHEST = 4;
 const HOME = { yaw: -0.6, pitch: 0.45, zoom: 1 };
 
-/** Angles in radians; `zoom` above 1 is nearer. Dispatches `turn` when it changes. */
+/** Angles in radians; a zoom above 1 is nearer. Dispatches `turn` when it changes. */
 export class Camera extends EventTarget {
   constructor(text = null) {
     super();
@@ -24,7 +24,7 @@ export class Camera extends EventTarget {
   home() { this.set(HOME); }
   get isHome() { return Object.keys(HOME).every((key) => Math.abs(this[key] - HOME[key]) < 1e-3); }
 
-  /** As in an address: degrees and zoom. */
+  /** The state for an address: degrees and zoom; null for the initial state. */
   write() {
     const degrees = (angle) => Math.round((angle * 180) / Math.PI);
     return this.isHome ? null : `${degrees(this.yaw)},${degrees(this.pitch)},${Number(this.zoom.toFixed(2))}`;
@@ -35,7 +35,7 @@ export class Camera extends EventTarget {
     if ([yaw, pitch, zoom].every(Number.isFinite) && zoom > 0) this.set({ yaw: (yaw * Math.PI) / 180, pitch: (pitch * Math.PI) / 180, zoom });
   }
 
-  /** The eye and the three directions of its picture, for an object around the origin. */
+  /** The position of the eye and the axes of its picture, for an object at the origin. */
   frame() {
     const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
     const back = [sy * cp, sp, cy * cp];
@@ -46,9 +46,9 @@ export class Camera extends EventTarget {
   }
 }
 
-/** Lets pointers and keys on `canvas` turn `camera`. `busy(bool)` tells when a drag begins and ends. */
+/** Turns and zooms `camera` by pointers and keys on `canvas`. */
 export function steer(canvas, camera, signal) {
-  const on = (name, heard, options = {}) => canvas.addEventListener(name, heard, { signal, ...options });
+  const on = (name, listener, options = {}) => canvas.addEventListener(name, listener, { signal, ...options });
   const pointers = new Map();
   on("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
@@ -72,7 +72,7 @@ export function steer(canvas, camera, signal) {
   const release = (event) => { pointers.delete(event.pointerId); if (pointers.size === 0) canvas.classList.remove("held"); };
   on("pointerup", release);
   on("pointercancel", release);
-  // The wheel scrolls the page unless the picture has the focus (a click gives it) or Ctrl is held.
+  // The wheel scrolls the page unless the canvas has the focus (after a click) or Ctrl is pressed.
   on("wheel", (event) => {
     if (document.activeElement !== canvas && !event.ctrlKey) return;
     event.preventDefault();

@@ -1,30 +1,22 @@
-// Draws a volume with WebGL2. While things move, a small picture is drawn and enlarged; its size follows how long it took.
-// When they are still, the full picture is drawn strip by strip, so that a slow machine stays free to answer.
+// Draws a volume by ray marching in WebGL2. During changes a small picture is drawn and enlarged; its size adapts to the time it
+// takes. Afterwards the full picture is drawn in strips, so that the page stays responsive on slow machines.
 import { COPY, MARCH, VERTEX } from "./shaders.js";
 
 export const FORMS = ["cloud", "cube", "sphere", "torus"];
 const STILL_AFTER = 140;
 const GOOD_FRAME = 28;
-// The full picture may take so long; where it would take longer, it has fewer pixels.
-const LONGEST = 2500;
-const MOST_PIXELS = 1600 * 1600;
+// The time limit of the full picture in ms; on slower machines it has fewer pixels.
+const MAX_TIME = 2500;
+const MAX_PIXELS = 1600 * 1600;
 const UNIFORMS = ["volume", "ramp", "coloured", "halfSize", "cutLow", "cutHigh", "eye", "right", "up", "ahead", "aspect", "form", "radius", "stride", "density", "lens", "fine", "voxelSize"];
 
-/** Whether this browser can draw volumes. */
-export function canDraw() {
-  const gl = document.createElement("canvas").getContext("webgl2");
-  gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return gl !== null;
-}
-
 export class Marcher {
-  /** `trouble(sentence)` is called when drawing has become impossible. */
-  constructor(canvas, trouble) {
-    Object.assign(this, { canvas, trouble, scale: 0.5, asked: 0, strip: null, pending: null, volume: null, last: 0, budget: MOST_PIXELS });
+  constructor(canvas) {
+    Object.assign(this, { canvas, scale: 0.5, scheduled: 0, strip: null, pending: null, volume: null, last: 0, budget: MAX_PIXELS });
     this.state = { form: "cloud", density: 12, cut: null, frame: null };
     const options = { alpha: true, premultipliedAlpha: true, antialias: false, depth: false, preserveDrawingBuffer: true };
     this.gl = canvas.getContext("webgl2", options);
-    if (!this.gl) throw new Error("WebGL2 is not to be had");
+    if (!this.gl) throw new Error("WebGL2 is not available");
     canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); this.lost = true; this.cancel(); });
     canvas.addEventListener("webglcontextrestored", () => {
       this.lost = false;
@@ -66,10 +58,10 @@ export class Marcher {
     return program;
   }
 
-  /** Takes {data, shape, channels, sides}. Beyond its borders a volume goes on mirrored. */
+  /** Sets the volume {data, shape, channels, sides}. Beyond its borders it is mirrored. */
   setVolume(volume) {
     const { gl } = this, [depth, height, width] = volume.shape;
-    if (Math.max(depth, height, width) > gl.getParameter(gl.MAX_3D_TEXTURE_SIZE)) throw new Error("the volume is larger than this graphics driver takes");
+    if (Math.max(depth, height, width) > gl.getParameter(gl.MAX_3D_TEXTURE_SIZE)) throw new Error("the volume is too large for this graphics driver");
     if (this.volumeTexture) gl.deleteTexture(this.volumeTexture);
     this.volume = volume;
     this.volumeTexture = gl.createTexture();
@@ -83,7 +75,7 @@ export class Marcher {
     this.touch();
   }
 
-  /** Takes 256 times red, green, blue, opacity. */
+  /** Sets the transfer function: 256 times red, green, blue, opacity. */
   setRamp(bytes) {
     const { gl } = this;
     this.rampBytes = bytes;
@@ -95,13 +87,13 @@ export class Marcher {
     this.touch();
   }
 
-  /** Changes what is drawn: `form`, `density`, `frame` (of a camera), `cut` ({low, high}: shares of x, y, z). */
+  /** Changes the state: `form`, `density`, `frame` (of a camera), `cut` ({low, high}: shares of x, y, z). */
   set(changes) {
     Object.assign(this.state, changes);
     this.touch();
   }
 
-  /** Fits the picture to the size the canvas has on the screen. */
+  /** Fits the picture to the size of the canvas on the screen. */
   fit() {
     const { clientWidth, clientHeight } = this.canvas;
     const ratio = Math.min(devicePixelRatio, 2, Math.sqrt(this.budget / Math.max(1, clientWidth * clientHeight)));
@@ -112,22 +104,22 @@ export class Marcher {
     this.touch();
   }
 
-  /** Something has changed: a small picture now, the full one when nothing changes any more. */
+  /** After a change: draws a small picture now, and the full one when no more changes follow. */
   touch() {
     this.last = performance.now();
     this.strip = null;
     this.moved = true;
     this.canvas.dataset.drawn = "no";
-    if (!this.asked && !this.lost) this.asked = requestAnimationFrame(() => this.tick());
+    if (!this.scheduled && !this.lost) this.scheduled = requestAnimationFrame(() => this.tick());
   }
 
   tick() {
-    this.asked = 0;
+    this.scheduled = 0;
     const { gl } = this;
     if (this.lost || !this.volumeTexture || !this.state.frame) return;
-    const again = () => { this.asked = requestAnimationFrame(() => this.tick()); };
-    // Whether a strip is done is asked more often than a slow machine has frames.
-    if (this.pending && !this.finished()) { if (this.pending.kind === "strip") this.asked = -setTimeout(() => this.tick(), 4); else again(); return; }
+    const again = () => { this.scheduled = requestAnimationFrame(() => this.tick()); };
+    // Strips are polled more often than a slow machine draws frames.
+    if (this.pending && !this.finished()) { if (this.pending.kind === "strip") this.scheduled = -setTimeout(() => this.tick(), 4); else again(); return; }
     if (this.moved) {
       this.moved = false;
       this.drawSmall();
@@ -145,17 +137,17 @@ export class Marcher {
     gl.flush();
   }
 
-  /** `asked`: above 0 a frame, below 0 a timer. */
+  /** `scheduled` is a frame request if positive, a timer if negative. */
   cancel() {
-    if (this.asked > 0) cancelAnimationFrame(this.asked); else clearTimeout(-this.asked);
-    this.asked = 0;
+    if (this.scheduled > 0) cancelAnimationFrame(this.scheduled); else clearTimeout(-this.scheduled);
+    this.scheduled = 0;
   }
 
   pend(kind, pixels = 1) {
     this.pending = { kind, pixels, fence: this.gl.fenceSync(this.gl.SYNC_GPU_COMMANDS_COMPLETE, 0), since: performance.now() };
   }
 
-  /** Whether the last picture is done; then its time decides the size of the next. */
+  /** Whether the last picture is done. If so, its time decides the size of the next. */
   finished() {
     const { gl, pending } = this;
     const status = gl.clientWaitSync(pending.fence, 0, 0);
@@ -166,14 +158,14 @@ export class Marcher {
     if (pending.kind === "small") {
       if (took > 1.4 * GOOD_FRAME) this.scale = Math.max(0.2, this.scale * 0.8);
       else if (took < 0.7 * GOOD_FRAME) this.scale = Math.min(1, this.scale * 1.2);
-    } else if (this.economise(took / pending.pixels)) return true;
+    } else if (this.reduceBudget(took / pending.pixels)) return true;
     else if (this.strip) this.strip.rows = Math.max(Math.ceil(this.canvas.height / 16), Math.round(this.strip.rows * Math.max(0.5, Math.min(2, 40 / took))));
     return true;
   }
 
-  /** Gives up pixels on machines that would draw the full picture for seconds: they have no graphics card. */
-  economise(perPixel) {
-    const budget = Math.max(480 * 480, LONGEST / perPixel);
+  /** Reduces the pixels on machines without a graphics card, where the full picture would take seconds. */
+  reduceBudget(perPixel) {
+    const budget = Math.max(480 * 480, MAX_TIME / perPixel);
     if (this.canvas.width * this.canvas.height < 1.5 * budget) return false;
     this.budget = budget;
     this.fit();
@@ -186,7 +178,7 @@ export class Marcher {
     gl.activeTexture(gl.TEXTURE2);
     gl.bindTexture(gl.TEXTURE_2D, small.texture);
     if (width > small.width || height > small.height) {
-      // Memory for the largest picture yet: one whose size changes with every frame would be taken anew each time.
+      // The texture only grows, because reallocating it for every frame would be slow.
       Object.assign(small, { width: Math.max(width, small.width), height: Math.max(height, small.height) });
       gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, small.width, small.height, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
       for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.LINEAR);
@@ -219,8 +211,8 @@ export class Marcher {
     strip.row += rows;
   }
 
-  /** Sets the program up; `coarse`: how many voxels a step of the cloud is long. */
-  useMarch(coarse) {
+  /** Sets the uniforms; `step`: the length of a step of the cloud in voxels. */
+  useMarch(step) {
     const { gl, at, state, volume, canvas } = this;
     const most = Math.max(...volume.sides), [depth, height, width] = volume.sides, finest = Math.max(...volume.shape);
     const half = [width, height, depth].map((side) => side / most / 2);
@@ -235,10 +227,10 @@ export class Marcher {
     gl.uniform1i(at.coloured, volume.channels === 3 ? 1 : 0);
     gl.uniform3fv(at.halfSize, half);
     const solid = state.form !== "cloud";
-    // Forms keep a useful size in flat volumes, whose texture goes on mirrored; the cuts are then shares of the form.
+    // In flat volumes, which are mirrored, forms keep a useful size; the cuts are then shares of the form.
     const radius = Math.max(Math.min(...half), 0.3);
     const room = solid ? [radius, radius, radius] : half;
-    // Shares count along the volume's axes: y and z run against the world's.
+    // Shares are along the axes of the volume; y and z are opposite to those of the world.
     gl.uniform3fv(at.cutLow, [room[0] * (2 * cut.low[0] - 1), room[1] * (1 - 2 * cut.high[1]), room[2] * (1 - 2 * cut.high[2])]);
     gl.uniform3fv(at.cutHigh, [room[0] * (2 * cut.high[0] - 1), room[1] * (1 - 2 * cut.low[1]), room[2] * (1 - 2 * cut.low[2])]);
     for (const name of ["eye", "right", "up", "ahead"]) gl.uniform3fv(at[name], state.frame[name]);
@@ -246,12 +238,12 @@ export class Marcher {
     gl.uniform2f(at.aspect, wide >= 1 ? wide : 1, wide >= 1 ? 1 : 1 / wide);
     gl.uniform1i(at.form, FORMS.indexOf(state.form));
     gl.uniform1f(at.radius, radius);
-    gl.uniform1f(at.stride, coarse / Math.min(160, finest));
+    gl.uniform1f(at.stride, step / Math.min(160, finest));
     gl.uniform1f(at.density, state.density);
     gl.uniform1f(at.voxelSize, 1 / finest);
-    // Round forms leave the corners of their cube free: a narrower lens shows them as large.
+    // Round forms do not fill the corners of their cube, so a narrower lens shows them at the same size.
     gl.uniform1f(at.lens, state.form === "sphere" || state.form === "torus" ? 0.17 : 0.215);
-    gl.uniform1i(at.fine, solid && coarse < 1 ? 1 : 0);
+    gl.uniform1i(at.fine, solid && step < 1 ? 1 : 0);
   }
 
   leave() {

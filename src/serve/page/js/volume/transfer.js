@@ -1,8 +1,8 @@
-// From values to colour and opacity: a window of values, a density, a ramp of colours; and the control for them.
-import { el, freshId } from "../dom.js";
+// The transfer function from values to colour and opacity, and its controls: a window of values, a density, a colour ramp.
+import { el, uniqueId } from "../dom.js";
 import { colour } from "../theme.js";
 
-/** Ramps: colours at equal steps. */
+/** Colour ramps as colours at equal steps. */
 const RAMPS = {
   grey: [[0, 0, 0], [255, 255, 255]],
   ember: [[6, 4, 14], [70, 16, 58], [168, 40, 40], [234, 124, 34], [252, 230, 160]],
@@ -11,7 +11,7 @@ const RAMPS = {
   negative: [[255, 255, 255], [0, 0, 0]],
 };
 
-/** {low, high, density, ramp} as in an address, or null when nothing was changed. */
+/** {low, high, density, ramp} for an address; null if nothing was changed. */
 export const writeTransfer = (t, home) =>
   Object.keys(home).every((key) => t[key] === home[key]) ? null : [t.low, t.high, t.density, t.ramp].join(",");
 
@@ -22,44 +22,44 @@ export function readTransfer(text, home) {
   return { low: numbers[0], high: numbers[1], density: numbers[2], ramp: Object.hasOwn(RAMPS, ramp) ? ramp : home.ramp };
 }
 
-/** How opaque a value is: nothing up to `low`, all from `high` on. */
+/** The opacity of a value: 0 up to `low`, 1 from `high`. */
 export function opacity(value, { low, high }) {
   if (high <= low) return value >= high ? 1 : 0;
   const share = Math.max(0, Math.min(1, (value - low) / (high - low)));
   return share;
 }
 
-/** The colour of a value: ramps run from 0 to where values are fully there, so that dark volumes are seen too. */
+/** The colour of a value. The ramp ends at `high`, so that dark volumes are visible too. */
 function rampColour({ ramp, high }, value) {
   const stops = RAMPS[ramp] ?? RAMPS.grey, at = Math.min(1, value / Math.max(1, high)) * (stops.length - 1), below = Math.min(stops.length - 2, Math.floor(at));
   return [0, 1, 2].map((channel) => Math.round(stops[below][channel] + (at - below) * (stops[below + 1][channel] - stops[below][channel])));
 }
 
-/** The table the marcher wants. */
+/** The transfer function as a table for the ray marcher. */
 export function rampBytes(transfer) {
   const bytes = new Uint8Array(1024);
   for (let value = 0; value < 256; value += 1) bytes.set([...rampColour(transfer, value), Math.round(255 * opacity(value, transfer))], 4 * value);
   return bytes;
 }
 
-/** The density of the ray marcher: from a barely seen mist to a wall. */
+/** The density for the ray marcher, on a logarithmic scale. */
 export const densityOf = ({ density }) => 0.8 * Math.pow(250, density / 100);
 
-/** A histogram with the opacity drawn over it, and controls. `changed(transfer)`. */
+/** A histogram with the opacity curve, and controls. `changed(transfer)`. */
 export class TransferControl {
   constructor(transfer, counts, changed, coloured) {
     Object.assign(this, { transfer, counts, changed });
     this.canvas = el("canvas", { class: "histogram", width: 256, height: 64, "aria-hidden": "true" });
     const range = (key, label, most) => {
-      const id = freshId(key), told = el("output", { for: id, class: "edge" }, transfer[key]);
-      const input = el("input", { id, type: "range", min: 0, max: most, step: 1, value: transfer[key], on: { input: () => { told.textContent = input.value; this.set({ [key]: Number(input.value) }); } } });
-      this[key] = { input, told };
-      return el("div", { class: "row" }, el("label", { for: id }, label), input, told);
+      const id = uniqueId(key), output = el("output", { for: id, class: "edge" }, transfer[key]);
+      const input = el("input", { id, type: "range", min: 0, max: most, step: 1, value: transfer[key], on: { input: () => { output.textContent = input.value; this.set({ [key]: Number(input.value) }); } } });
+      this[key] = { input, output };
+      return el("div", { class: "row" }, el("label", { for: id }, label), input, output);
     };
     const ramps = el("select", { "aria-label": "Colours", on: { change: () => this.set({ ramp: ramps.value }) } },
       ...Object.keys(RAMPS).map((name) => el("option", { value: name, selected: name === transfer.ramp }, name)));
     this.element = el("fieldset", { class: "transfer" }, el("legend", {}, "Transfer function"), this.canvas,
-      range("low", "clear up to", 255), range("high", "full from", 255), range("density", "density", 100),
+      range("low", "transparent up to", 255), range("high", "opaque from", 255), range("density", "density", 100),
       coloured ? null : el("div", { class: "row" }, el("span", {}, "colours"), ramps));
     this.drag();
     this.redraw = () => this.draw();
@@ -83,7 +83,7 @@ export class TransferControl {
     const move = (event) => {
       if (!held) return;
       this[held].input.value = value(event);
-      this[held].told.textContent = value(event);
+      this[held].output.textContent = value(event);
       this.set({ [held]: value(event) });
     };
     this.canvas.addEventListener("pointerdown", (event) => {
@@ -99,7 +99,7 @@ export class TransferControl {
     const { canvas, counts, transfer } = this, context = canvas.getContext("2d");
     const [width, height] = [canvas.width, canvas.height];
     context.clearRect(0, 0, width, height);
-    // Roots, so that a rare value next to a common one is seen at all.
+    // Square roots, so that rare values are visible beside common ones.
     const most = Math.sqrt(counts.reduce((most, n) => Math.max(most, n), 1));
     for (let at = 0; at < 256; at += 1) {
       const tall = (Math.sqrt(counts[at]) / most) * (height - 4);

@@ -1,5 +1,5 @@
-// The volume view: a canvas one can turn, with forms, transfer function and cut planes.
-import { el, freshId } from "../dom.js";
+// The volume view: a canvas that can be turned, with forms, transfer function and cut planes.
+import { el, uniqueId } from "../dom.js";
 import { steer } from "./camera.js";
 import { FORMS, Marcher } from "./marcher.js";
 import { TransferControl, densityOf, rampBytes } from "./transfer.js";
@@ -8,17 +8,17 @@ import { histogram, percentile, threshold } from "./voxels.js";
 const NAMES = { cloud: "Cloud", cube: "Cube", sphere: "Sphere", torus: "Torus" };
 const AXES = ["z", "y", "x"];
 
-/** The transfer function a volume is first seen with: what is dark is clear, what is bright is there. */
-export function homeTransfer(volume) {
+/** The initial transfer function of a volume: dark values are transparent, bright ones opaque. */
+export function defaultTransfer(volume) {
   const counts = histogram(volume);
   const low = threshold(counts);
   return { low, high: Math.max(low + 1, percentile(counts, 0.98)), density: 68, ramp: "grey" };
 }
 
-/** A segmented choice, one of which is always on. */
+/** Radio buttons as a segmented control. */
 export function choice(label, options, chosen, changed) {
-  const name = freshId("choice");
-  return el("fieldset", { class: "choice" }, el("legend", { class: "unseen" }, label),
+  const name = uniqueId("choice");
+  return el("fieldset", { class: "choice" }, el("legend", { class: "visually-hidden" }, label),
     ...options.map(([value, text]) => el("label", {},
       el("input", { type: "radio", name, value, checked: value === chosen, on: { change: () => changed(value) } }), el("span", {}, text))));
 }
@@ -30,16 +30,16 @@ export function choice(label, options, chosen, changed) {
 export class Viewer {
   constructor({ volume, camera, state, changed, label, signal, bare = false }) {
     Object.assign(this, { volume, camera, state, changed });
-    this.canvas = el("canvas", { class: "volume", tabindex: "0", role: "application", "aria-roledescription": "volume, to be turned",
-      "aria-label": `${label}: arrow keys turn it, plus and minus zoom, 0 goes back` });
-    this.note = el("p", { class: "volume-note edge", "aria-hidden": "true" }, "drag to turn · scroll to zoom · double click: back");
+    this.canvas = el("canvas", { class: "volume", tabindex: "0", role: "application", "aria-roledescription": "volume that can be turned",
+      "aria-label": `${label}: arrow keys turn it, plus and minus zoom, 0 resets the view` });
+    this.note = el("p", { class: "volume-note edge", "aria-hidden": "true" }, "drag to turn · scroll to zoom · double-click to reset");
     this.stage = el("div", { class: "stage" }, this.canvas, bare ? null : this.note);
     this.element = el("div", { class: "viewer" }, this.stage);
     try {
       this.marcher = new Marcher(this.canvas);
       this.marcher.setVolume(volume);
     } catch (error) {
-      this.stage.replaceChildren(el("p", { class: "stage-note" }, `This browser cannot draw the volume (${error.message}). Its slices are all here, though: turn WebGL2 on to turn the volume.`));
+      this.stage.replaceChildren(el("p", { class: "stage-note" }, `This browser cannot draw the volume (${error.message}). Its slices are shown below. Enable WebGL2 to see the volume.`));
       this.stage.classList.add("cannot");
       this.marcher = null;
       return;
@@ -55,7 +55,7 @@ export class Viewer {
     turn();
   }
 
-  /** Draws what the state says. */
+  /** Draws the state. */
   show() {
     if (!this.marcher) return;
     const { form, transfer, cut } = this.state;
@@ -63,14 +63,14 @@ export class Viewer {
     this.marcher.set({ form, density: densityOf(transfer), cut: { low: [...cut.low].reverse(), high: [...cut.high].reverse() } });
   }
 
-  tell() {
+  update() {
     this.show();
     this.changed?.(this.state);
   }
 
   controls() {
-    this.transfer = new TransferControl(this.state.transfer, histogram(this.volume), () => this.tell(), this.volume.channels === 3);
-    const forms = choice("Form", FORMS.map((form) => [form, NAMES[form]]), this.state.form, (form) => { this.state.form = form; this.tell(); });
+    this.transfer = new TransferControl(this.state.transfer, histogram(this.volume), () => this.update(), this.volume.channels === 3);
+    const forms = choice("Form", FORMS.map((form) => [form, NAMES[form]]), this.state.form, (form) => { this.state.form = form; this.update(); });
     return el("div", { class: "viewer-controls" }, forms, this.cuts(), this.transfer.element);
   }
 
@@ -78,26 +78,26 @@ export class Viewer {
   cuts() {
     const { sides } = this.volume;
     const outputs = [];
-    const tell = () => outputs.forEach((output) => output());
+    const updateOutputs = () => outputs.forEach((write) => write());
     const rows = AXES.map((axis, at) => {
-      const told = el("output", { class: "edge" });
-      outputs.push(() => { told.textContent = `${Math.round(this.state.cut.low[at] * sides[at])}–${Math.round(this.state.cut.high[at] * sides[at])}`; });
+      const output = el("output", { class: "edge" });
+      outputs.push(() => { output.textContent = `${Math.round(this.state.cut.low[at] * sides[at])}–${Math.round(this.state.cut.high[at] * sides[at])}`; });
       const end = (which, text) => {
         const input = el("input", { type: "range", min: 0, max: 100, step: 1, value: Math.round(this.state.cut[which][at] * 100), "aria-label": `${text} ${axis}`,
           on: { input: () => {
-            // A sheet of a twentieth is always left.
+            // At least a twentieth of the side always remains.
             const other = this.state.cut[which === "low" ? "high" : "low"][at], want = input.value / 100;
             const value = which === "low" ? Math.min(want, other - 0.05) : Math.max(want, other + 0.05);
             input.value = Math.round(value * 100);
             this.state.cut[which][at] = Math.round(value * 100) / 100;
-            tell();
-            this.tell();
+            updateOutputs();
+            this.update();
           } } });
         return input;
       };
-      return el("div", { class: "row cut" }, el("span", {}, axis), end("low", "Cut from the start of"), end("high", "Cut from the end of"), told);
+      return el("div", { class: "row cut" }, el("span", {}, axis), end("low", "Cut from the start of"), end("high", "Cut from the end of"), output);
     });
-    tell();
+    updateOutputs();
     return el("fieldset", { class: "cuts" }, el("legend", {}, "Cut planes"), ...rows);
   }
 

@@ -1,12 +1,12 @@
-// Voxels in the page: read from the server, drawn as slices, counted by value.
+// Voxels in the page: reading, slices, histograms.
 import * as api from "../api.js";
 
 /**
- * {data, shape: [Z, Y, X], channels, sides, reduced}: at most `edge` voxels a side, averaged by the server when there are
- * more, each axis by its own factor: proportions are those of `sides`, the whole's shape.
+ * Resolves to {data, shape: [Z, Y, X], channels, sides, reduced}. The server averages sides longer than `edge`, each by its own
+ * factor; the proportions are those of `sides`, the full shape.
  */
 export async function readVoxels(what, edge, signal) {
-  const response = await api.ask(api.voxelsPath(what, edge), { signal });
+  const response = await api.request(api.voxelsPath(what, edge), { signal });
   const shape = (response.headers.get("x-shape") ?? "").split(",").map(Number);
   const channels = Number(response.headers.get("x-channels") ?? 1);
   const data = new Uint8Array(await response.arrayBuffer());
@@ -16,7 +16,7 @@ export async function readVoxels(what, edge, signal) {
   return { data, shape, channels, sides, reduced: sides.some((side, at) => side > shape[at]) };
 }
 
-/** How many voxels have each of the 256 values (luma, for colour). */
+/** The number of voxels with each of the 256 values (luma for colour). */
 export function histogram({ data, channels }) {
   const counts = new Float64Array(256);
   if (channels === 1) for (let at = 0; at < data.length; at += 1) counts[data[at]] += 1;
@@ -35,7 +35,7 @@ export function percentile(counts, share) {
   return 255;
 }
 
-/** The value that parts a histogram best into dark and bright (Otsu's); the middle one where several do. */
+/** The value that best separates a histogram into dark and bright (Otsu's method); the middle one of several. */
 export function threshold(counts) {
   let total = 0, sum = 0;
   counts.forEach((n, value) => { total += n; sum += n * value; });
@@ -50,10 +50,10 @@ export function threshold(counts) {
   return Math.round((first + last) / 2);
 }
 
-/** The sides of a slice across `axis`: [rows, columns]. A slice across z has rows of y and columns of x, as in the paper. */
+/** The sides [rows, columns] of a slice across `axis`. A slice across z has rows along y and columns along x, as in the paper. */
 export const sliceSides = ([depth, height, width], axis) => ({ z: [height, width], y: [depth, width], x: [depth, height] })[axis];
 
-/** How many slices there are along `axis`. */
+/** The number of slices across `axis`. */
 export const depthOf = (shape, axis) => shape[{ z: 0, y: 1, x: 2 }[axis]];
 
 /** One slice as ImageData. */

@@ -7,14 +7,14 @@ use std::sync::LazyLock;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use hlacdb::serve::{ServeError, Server, Settings, Stopper};
+use hlacdb::serve::{ServeError, Server, ServerOptions, Stopper};
 use hlacdb::volume::Volume;
 use hlacdb::{Database, Meta, OpenOptions};
 use serde_json::Value;
 
 use crate::support::{ball, stripes};
 
-/// An answer, read to its end.
+/// A response, read to its end.
 pub(super) struct Reply {
     pub(super) status: u16,
     headers: Vec<(String, String)>,
@@ -33,7 +33,7 @@ impl Reply {
         serde_json::from_slice(&self.bytes).unwrap()
     }
 
-    /// The sentence of a problem, which must have this status and be well formed.
+    /// The sentence and causes of a well-formed problem with this status.
     pub(super) fn problem(&self, status: u16) -> String {
         let shown = String::from_utf8_lossy(&self.bytes).into_owned();
         assert_eq!(self.status, status, "{shown}");
@@ -53,8 +53,8 @@ impl Reply {
     }
 }
 
-/// A server that ends with the test.
-pub(super) struct Place {
+/// A server that stops at the end of the test.
+pub(super) struct TestServer {
     pub(super) folder: tempfile::TempDir,
     pub(super) address: SocketAddr,
     stopper: Stopper,
@@ -62,15 +62,27 @@ pub(super) struct Place {
     agent: ureq::Agent,
 }
 
-impl Place {
+impl TestServer {
     /// Eight textures of two kinds, with voxels.
     pub(super) fn new() -> Self {
-        Self::filled(Settings::default())
+        Self::filled(ServerOptions::new())
     }
 
-    /// The same eight, served in another way.
-    pub(super) fn filled(settings: Settings) -> Self {
-        // Described once: the store is one file.
+    /// The same eight with other options.
+    pub(super) fn filled(options: ServerOptions) -> Self {
+        let (folder, path) = Self::store();
+        Self::serving(folder, Database::open(path).unwrap(), options)
+    }
+
+    /// The same eight, read-only.
+    pub(super) fn read_only() -> Self {
+        let (folder, path) = Self::store();
+        let database = OpenOptions::new().read_only(true).open(path).unwrap();
+        Self::serving(folder, database, ServerOptions::new().read_only(true))
+    }
+
+    /// A store with the eight textures, which are described only once.
+    fn store() -> (tempfile::TempDir, PathBuf) {
         static STORE: LazyLock<Vec<u8>> = LazyLock::new(|| {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("textures.hlacdb");
@@ -80,20 +92,19 @@ impl Place {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("textures.hlacdb");
         std::fs::write(&path, &*STORE).unwrap();
-        let database = OpenOptions::new().read_only(settings.read_only).open(&path).unwrap();
-        Self::serving(folder, database, settings)
+        (folder, path)
     }
 
-    /// A new store, filled as the caller likes.
-    pub(super) fn with(settings: Settings, fill: impl FnOnce(&Database)) -> Self {
+    /// A new store, filled by the caller.
+    pub(super) fn with(options: ServerOptions, fill: impl FnOnce(&Database)) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let database = Database::open(folder.path().join("textures.hlacdb")).unwrap();
         fill(&database);
-        Self::serving(folder, database, settings)
+        Self::serving(folder, database, options)
     }
 
-    pub(super) fn serving(folder: tempfile::TempDir, database: Database, settings: Settings) -> Self {
-        let server = Server::bind(database, settings).unwrap();
+    pub(super) fn serving(folder: tempfile::TempDir, database: Database, options: ServerOptions) -> Self {
+        let server = Server::bind(database, options).unwrap();
         let (address, stopper) = (server.address(), server.stopper());
         let running = Some(std::thread::spawn(move || server.run()));
         let agent = ureq::Agent::config_builder()
@@ -110,7 +121,7 @@ impl Place {
         self.folder.path().join(name)
     }
 
-    /// A path of the API, or of the page where it does not begin so.
+    /// The address of a path: below the API, or below the root if it begins with `/`.
     fn url(&self, path: &str) -> String {
         let below = if path.starts_with('/') { String::new() } else { "/api/v1/".to_owned() };
         format!("http://{}{below}{path}", self.address)
@@ -152,7 +163,7 @@ impl Place {
         reply(self.agent.delete(self.url(path)).call().unwrap())
     }
 
-    /// A form: (name, file name where it is a file, content).
+    /// Sends a form of parts (name, file name of a file, content).
     pub(super) fn form(&self, path: &str, parts: &[(&str, Option<&str>, &[u8])]) -> Reply {
         let mut body = Vec::new();
         for (name, file, content) in parts {
@@ -195,7 +206,7 @@ impl Place {
         events
     }
 
-    /// What the server answers to these very bytes.
+    /// The response to exactly these bytes.
     pub(super) fn raw(&self, request: &str) -> String {
         let mut stream = TcpStream::connect(self.address).unwrap();
         stream.write_all(request.as_bytes()).unwrap();
@@ -212,7 +223,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for TestServer {
     fn drop(&mut self) {
         if !std::thread::panicking() {
             self.stop();

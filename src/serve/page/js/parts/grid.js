@@ -1,38 +1,41 @@
-// A wall of textures of which only what is in sight exists: rows are made, moved and reused as the wall scrolls, and
-// entries are fetched in pages. For screen readers it is a grid that knows its whole size.
-import { eachFrame, el, named, settled } from "../dom.js";
-import { place } from "./picture.js";
+// A virtual grid of textures: only visible rows exist. Rows are reused while the grid scrolls, and entries are fetched in
+// pages. Screen readers get the size of the whole grid.
+import { oncePerFrame, el, shortenedName, debounce } from "../dom.js";
+import { thumbnail } from "./picture.js";
 
 const PAGE = 200;
 const GAP = 10;
 const CAPTION = 22;
-// Browsers stop laying out below some tens of millions of pixels: taller walls scroll in larger steps.
-const TALLEST = 8e6;
-const MOST_PAGES = 150;
+// Browsers limit the height of elements to some tens of millions of pixels, so taller grids scroll in larger steps.
+const MAX_HEIGHT = 8e6;
+const MAX_PAGES = 150;
 
-/** `source(offset, limit, signal)` resolves to {total, textures}; `at` is the first texture in sight, told by `moved`. */
-export class Wall {
-  constructor({ label, size, source, open, alike, mark, moved, told, signal }) {
-    Object.assign(this, { source, open, alike, mark, moved, told, signal, size });
+/**
+ * `source(offset, limit, signal)` resolves to {total, textures}. `onTotal(total)` is called when the list is loaded,
+ * `onScroll(index)` with the first visible texture, `findSimilar(entry)` and `toggleMark(entry)` on the keys f and x.
+ */
+export class TextureGrid {
+  constructor({ label, size, source, findSimilar, toggleMark, onScroll, onTotal, signal }) {
+    Object.assign(this, { source, findSimilar, toggleMark, onScroll, onTotal, signal, size });
     this.total = 0;
     this.pages = new Map();
     this.rows = new Map();
     this.spare = [];
     this.active = 0;
     this.marked = new Set();
-    this.floor = el("div", { class: "wall-floor", role: "presentation" });
-    this.element = el("div", { class: "wall", role: "grid", "aria-label": label, "aria-rowcount": 0, "aria-colcount": 0 }, this.floor);
-    this.draw = eachFrame(() => this.layRows());
-    // Pictures wait until the wall has come to rest: a fast scroll past thousands asks for none of them.
-    this.rest = settled(90, () => { this.fetchSeen(); this.hang(); this.moved?.(this.first()); });
-    this.element.addEventListener("scroll", () => { this.draw(); this.rest(); }, { passive: true });
+    this.canvas = el("div", { class: "grid-canvas", role: "presentation" });
+    this.element = el("div", { class: "grid", role: "grid", "aria-label": label, "aria-rowcount": 0, "aria-colcount": 0 }, this.canvas);
+    this.draw = oncePerFrame(() => this.layRows());
+    // Pictures are loaded when scrolling has stopped, so that a fast scroll past thousands loads none of them.
+    this.settle = debounce(90, () => { this.fetchVisible(); this.loadPictures(); this.onScroll?.(this.first()); });
+    this.element.addEventListener("scroll", () => { this.draw(); this.settle(); }, { passive: true });
     this.element.addEventListener("keydown", (event) => this.key(event));
     this.element.addEventListener("focusin", (event) => this.focused(event));
     this.watch = new ResizeObserver(() => this.measure());
     this.watch.observe(this.element);
   }
 
-  /** Starts anew with another source's entries, at texture `at`. */
+  /** Loads the entries again and scrolls to the one at index `at`. */
   async load(at = 0) {
     this.generation = (this.generation ?? 0) + 1;
     const generation = this.generation;
@@ -43,15 +46,15 @@ export class Wall {
     this.total = answer.total;
     this.pages.set(page, answer.textures);
     this.active = Math.min(at, Math.max(0, this.total - 1));
-    this.told?.(this.total);
+    this.onTotal?.(this.total);
     this.measure(true);
     this.scrollTo(at);
     this.layRows(true);
-    this.fetchSeen();
-    this.hang();
+    this.fetchVisible();
+    this.loadPictures();
   }
 
-  /** Cells of another size; what was first in sight stays so. */
+  /** Changes the size of the cells. The first visible texture stays visible. */
   resize(size) {
     this.size = size;
     this.measure();
@@ -59,29 +62,29 @@ export class Wall {
 
   measure(always = false) {
     const width = this.element.clientWidth - GAP;
-    // Pictures grow with the letters, which are larger on large screens.
+    // Pictures scale with the font size, which is larger on large screens.
     const size = this.size * (parseFloat(getComputedStyle(document.documentElement).fontSize) / 14);
     const columns = Math.max(2, Math.round(width / (size + GAP)));
     const cell = Math.floor(width / columns) - GAP;
-    if (!always && columns === this.columns && cell === this.cell) { this.draw(); this.rest(); return; }
+    if (!always && columns === this.columns && cell === this.cell) { this.draw(); this.settle(); return; }
     const at = this.columns ? this.first() : 0;
     Object.assign(this, { columns, cell, step: cell + CAPTION + GAP });
     this.rowCount = Math.ceil(this.total / columns);
     this.tall = this.rowCount * this.step + GAP;
-    this.height = Math.min(this.tall, TALLEST);
-    this.floor.style.height = `${this.height}px`;
+    this.height = Math.min(this.tall, MAX_HEIGHT);
+    this.canvas.style.height = `${this.height}px`;
     this.element.style.setProperty("--cell", `${cell}px`);
-    // Beside a number there is no room for a name under a small picture.
+    // Below small pictures there is no room for names.
     this.element.classList.toggle("tight", cell < 92);
     this.element.setAttribute("aria-rowcount", this.rowCount);
     this.element.setAttribute("aria-colcount", columns);
     for (const row of this.rows.values()) row.element.remove();
     this.rows.clear();
     this.spare = [];
-    if (!always) { this.scrollTo(at); this.layRows(); this.rest(); }
+    if (!always) { this.scrollTo(at); this.layRows(); this.settle(); }
   }
 
-  /** How far down the wall the window begins, in the wall's own pixels. */
+  /** The scroll position in pixels of the whole grid, which may be taller than its element. */
   top() {
     const { scrollTop, clientHeight } = this.element;
     const room = this.height - clientHeight;
@@ -104,7 +107,7 @@ export class Wall {
     const to = Math.min(this.rowCount - 1, Math.ceil((top + reach) / this.step) + 1);
     const wanted = new Set();
     for (let at = from; at <= to; at += 1) wanted.add(at);
-    // The row that has the focus stays in the page, or the focus would be lost.
+    // The focused row is kept, or the focus would be lost.
     if (this.element.contains(document.activeElement)) wanted.add(Math.floor(this.active / this.columns));
     for (const [at, row] of this.rows) {
       if (!wanted.has(at)) { this.rows.delete(at); this.spare.push(row); }
@@ -115,7 +118,7 @@ export class Wall {
         row = this.spare.pop() ?? this.makeRow();
         this.rows.set(at, row);
         this.fillRow(row, at);
-        if (!row.element.isConnected) this.floor.append(row.element);
+        if (!row.element.isConnected) this.canvas.append(row.element);
       }
       row.element.style.transform = `translateY(${at * this.step + GAP + shift}px)`;
     }
@@ -125,11 +128,11 @@ export class Wall {
   makeRow() {
     const cells = Array.from({ length: this.columns }, () => {
       const box = el("span", { class: "box" });
-      const id = el("span", { class: "edge" }), name = el("span", { class: "place" });
+      const id = el("span", { class: "edge" }), name = el("span", { class: "caption-name" });
       const link = el("a", { class: "frame", tabindex: "-1" }, box, el("span", { class: "caption" }, id, " ", name));
       return { element: el("div", { role: "gridcell", class: "cell" }, link), link, box, id, name, entry: null };
     });
-    return { element: el("div", { role: "row", class: "wall-row" }, cells.map((cell) => cell.element)), cells };
+    return { element: el("div", { role: "row", class: "grid-row" }, cells.map((cell) => cell.element)), cells };
   }
 
   entry(index) { return this.pages.get(Math.floor(index / PAGE))?.[index % PAGE] ?? null; }
@@ -148,11 +151,11 @@ export class Wall {
     cell.link.tabIndex = index === this.active ? 0 : -1;
     if (entry && entry === cell.entry) { this.fillMark(cell); return; }
     cell.entry = entry;
-    cell.hung = false;
+    cell.hasPicture = false;
     cell.box.replaceChildren();
     cell.element.classList.toggle("waiting", !entry);
     cell.id.textContent = entry ? entry.id : "";
-    cell.name.replaceChildren(entry ? named(entry.name) : "");
+    cell.name.replaceChildren(entry ? shortenedName(entry.name) : "");
     if (entry) {
       cell.link.href = `#/texture/${entry.id}`;
       cell.link.title = [entry.name, ...Object.entries(entry.tags).map(([key, value]) => `${key}: ${value}`)].join("\n");
@@ -166,19 +169,19 @@ export class Wall {
     if (cell.entry) cell.link.setAttribute("aria-label", `${cell.entry.id} ${cell.entry.name}${on ? ", marked" : ""}`);
   }
 
-  /** Puts pictures into the cells in sight that have none yet. */
-  hang() {
+  /** Adds the missing pictures of the visible cells. */
+  loadPictures() {
     const size = this.cell * devicePixelRatio > 128 ? 192 : 96;
     for (const row of this.rows.values()) {
       for (const cell of row.cells) {
-        if (!cell.entry || cell.hung) continue;
-        cell.hung = true;
-        cell.box.replaceChildren(place(cell.entry, size));
+        if (!cell.entry || cell.hasPicture) continue;
+        cell.hasPicture = true;
+        cell.box.replaceChildren(thumbnail(cell.entry, size));
       }
     }
   }
 
-  fetchSeen() {
+  fetchVisible() {
     if (!this.columns || this.total === 0) return;
     const top = this.top();
     const from = Math.max(0, Math.floor(top / this.step)) * this.columns;
@@ -194,19 +197,19 @@ export class Wall {
       const answer = await this.source(page * PAGE, PAGE, this.signal);
       if (generation !== this.generation) return;
       this.pages.set(page, answer.textures);
-      if (this.pages.size > MOST_PAGES) {
+      if (this.pages.size > MAX_PAGES) {
         const far = [...this.pages.keys()].sort((a, b) => Math.abs(b - page) - Math.abs(a - page))[0];
         this.pages.delete(far);
       }
       for (const row of this.rows.values()) this.fillRow(row, row.at);
-      this.hang();
+      this.loadPictures();
     } catch (error) {
       if (generation === this.generation) this.pages.delete(page);
       if (error.name !== "AbortError") throw error;
     }
   }
 
-  /** Shows which textures are marked. */
+  /** Shows the marks of these ids. */
   showMarks(ids) {
     this.marked = ids;
     for (const row of this.rows.values()) row.cells.forEach((cell) => this.fillMark(cell));
@@ -246,14 +249,14 @@ export class Wall {
     const entry = this.entry(this.active);
     if (step !== undefined) {
       const to = this.active + step;
-      // A step past an edge goes nowhere rather than to the far corner.
+      // A step past an edge stops at the edge.
       if (to >= 0 && to < this.total) this.activate(to);
       else if (step < -1) this.activate(this.active % this.columns);
       else if (step > 1) this.activate(this.total - 1);
     } else if (event.key === "Home") this.activate(0);
     else if (event.key === "End") this.activate(this.total - 1);
-    else if (event.key === "f" && entry) this.alike(entry);
-    else if ((event.key === "x" || event.key === " ") && entry) this.mark(entry);
+    else if (event.key === "f" && entry) this.findSimilar(entry);
+    else if ((event.key === "x" || event.key === " ") && entry) this.toggleMark(entry);
     else return;
     event.preventDefault();
     event.stopPropagation();
@@ -261,7 +264,7 @@ export class Wall {
 
   leave() {
     this.watch.disconnect();
-    this.draw.drop();
-    this.rest.drop();
+    this.draw.cancel();
+    this.settle.cancel();
   }
 }
