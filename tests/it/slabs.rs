@@ -157,5 +157,5 @@ fn what_does_not_fit_is_told_in_a_sentence() {
     fs::OpenOptions::new().write(true).open(&bare).unwrap().set_len(9001).unwrap();
     let words: Vec<&str> =
         [text(&bare), "--slab-memory", "0"].into_iter().chain(words.iter().map(String::as_str)).collect();
-    assert!(refused(1, &words).contains("bare.raw: the data ends after 9001 of the 18480 bytes"));
+    assert!(refused(1, &words).contains("bare.raw: read as raw samples: the data ends after 9001 of the 18480 bytes"));
 }

@@ -109,3 +109,22 @@ fn a_command_that_adds_nothing_creates_no_store() {
     sandbox.fails(1, &["import", "wrong.npy"]);
     assert!(!sandbox.path("textures.hlacdb").exists());
 }
+
+/// Parsers of Python literals descend into nested brackets, and quote what they do not understand.
+#[test]
+fn hostile_arrays_give_one_short_line() {
+    let sandbox = Sandbox::new();
+    let header = "[".repeat(120_000);
+    let length = (header.len() as u32).to_le_bytes();
+    fs::write(sandbox.path("nested.npy"), [b"\x93NUMPY\x02\x00", &length[..], header.as_bytes()].concat()).unwrap();
+    let header = format!("{{'descr': {}, 'fortran_order': False, 'shape': (3, 251), }}", "[".repeat(60_000));
+    let length = (header.len() as u32).to_le_bytes();
+    fs::write(sandbox.path("type.npy"), [b"\x93NUMPY\x02\x00", &length[..], header.as_bytes()].concat()).unwrap();
+    sandbox.json(&["ingest", text(&sandbox.textures())]);
+    for name in ["nested.npy", "type.npy"] {
+        for arguments in [&["import", name][..], &["query", "--moments", name], &["query", name], &["extract", name]] {
+            let error = sandbox.fails(1, arguments);
+            assert!(error.contains(name) && error.len() < 1000, "{arguments:?}: {} bytes: {error}", error.len());
+        }
+    }
+}
