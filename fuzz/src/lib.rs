@@ -11,7 +11,9 @@ use hlacdb::serve::ServerOptions;
 use hlacdb::serve::fuzz::InProcessServer;
 use hlacdb::space::{NuisanceStatistics, Space, Statistics};
 use hlacdb::synth::Recipe;
-use hlacdb::volume::{self, Endian, Intensity, RawLayout, ReadOptions, SampleType, Volume};
+use hlacdb::volume::{
+    self, Endian, Intensity, MIN_SIDE, RawLayout, ReadOptions, SampleType, SlabReader, Volume, VolumeFile,
+};
 use hlacdb::{Database, Meta, OpenOptions, Query};
 
 /// Every target by name.
@@ -84,18 +86,44 @@ fn read(name: &str, data: &[u8]) {
     let path = folder().join(name);
     fs::write(&path, data).expect("the input as a file");
     for intensity in [Intensity::Full, Intensity::Auto] {
-        survives(&path, &ReadOptions { intensity, max_voxels: LIMIT, ..ReadOptions::default() });
+        survives(&path, &ReadOptions::new().max_voxels(LIMIT).intensity(intensity));
     }
 }
 
 fn survives(path: &Path, options: &ReadOptions) {
     match volume::read(path, options) {
-        Ok((volume, _)) => assert!(volume.voxels().len() as u64 <= 3 * LIMIT),
+        Ok((volume, _)) => {
+            assert!(volume.voxels().len() as u64 <= 3 * LIMIT);
+            parts_equal(&volume, path, options);
+        }
         Err(error) => {
-            let said = error.to_string();
-            assert!(!said.contains('\n'), "one sentence, one line: {said}");
+            let said = hlacdb::chain(&error);
+            assert!(!said.contains('\n') && said.len() < 2000, "one sentence, one line: {said}");
+            parts_survive(path, options);
         }
     }
+}
+
+/// A box and the slabs of a file that is read whole are parts of the whole.
+fn parts_equal(whole: &Volume, path: &Path, options: &ReadOptions) {
+    let mut file = VolumeFile::open(path, options).expect("the file was read");
+    let origin = whole.shape().map(|side| side - MIN_SIDE);
+    let block = file.read_block(origin, [MIN_SIDE; 3]).expect("the file was read");
+    assert_eq!(Some(block), whole.block(origin, [MIN_SIDE; 3]));
+    let Some(mut slabs) = SlabReader::new(file) else { return };
+    let mut voxels = Vec::new();
+    while let Some(slab) = slabs.read(2).expect("the file was read") {
+        voxels.extend_from_slice(slab.voxels);
+    }
+    assert!(voxels == whole.voxels());
+}
+
+/// Parts of a file that is not read whole are read or refused.
+fn parts_survive(path: &Path, options: &ReadOptions) {
+    let Ok(mut file) = VolumeFile::open(path, options) else { return };
+    let _ = file.read_block([0; 3], [MIN_SIDE; 3]);
+    let Some(mut slabs) = SlabReader::new(file) else { return };
+    while let Ok(Some(_)) = slabs.read(2) {}
 }
 
 /// numpy arrays.
@@ -133,7 +161,7 @@ pub fn vox(data: &[u8]) {
     read("a.vox", data);
 }
 
-/// Bare samples: the layout is drawn from the first bytes.
+/// Samples without a header: the layout is drawn from the first bytes.
 pub fn raw(data: &[u8]) {
     let Some((&[z, y, x, offset, kind], rest)) = data.split_first_chunk::<5>() else { return };
     let samples = [SampleType::U8, SampleType::I16, SampleType::F16, SampleType::F64, SampleType::U64][usize::from(kind) % 5];
@@ -141,8 +169,8 @@ pub fn raw(data: &[u8]) {
     let shape = [z, y, x].map(usize::from);
     let path = folder().join("bare.raw");
     fs::write(&path, rest).expect("the input as a file");
-    let raw = Some(RawLayout { shape, samples, endian, offset: u64::from(offset) });
-    survives(&path, &ReadOptions { intensity: Intensity::Full, max_voxels: LIMIT, raw, ..ReadOptions::default() });
+    let layout = RawLayout::new(shape, samples, endian).offset(offset.into());
+    survives(&path, &ReadOptions::new().max_voxels(LIMIT).raw(layout));
 }
 
 /// A folder of slices: three pictures, the input among them.
@@ -155,7 +183,7 @@ pub fn slices(data: &[u8]) {
         let _ = fs::remove_file(path.join(format!("{name}.{other}")));
         fs::write(path.join(format!("{name}.{ending}")), data).expect("the input as a file");
     }
-    survives(&path, &ReadOptions { intensity: Intensity::Full, max_voxels: LIMIT, ..ReadOptions::default() });
+    survives(&path, &ReadOptions::new().max_voxels(LIMIT));
 }
 
 /// Values of a store: frames, records, rows, descriptors, points, sums, keys.

@@ -27,17 +27,17 @@ pub enum VolumeError {
         /// The shape that was found.
         shape: Shape,
     },
-    /// The header promises more voxels than the caller allows.
-    #[error("the header promises {voxels} voxels, more than the limit of {limit}")]
+    /// There would be more voxels than the caller allows.
+    #[error("the volume would have {voxels} voxels, more than the limit of {limit}")]
     TooLarge {
-        /// The number of voxels promised.
+        /// The number of voxels that the header or the layout gives.
         voxels: u128,
         /// The limit in force.
         limit: u64,
     },
     /// Compressed samples would take more memory than the caller allows, and far more than the file has bytes.
     #[error(
-        "the header promises samples of {bytes} bytes, more than 16 times what the compressed file has and more than the limit of {limit}"
+        "the samples would take {bytes} bytes, more than the limit of {limit} and more than 16 times the compressed file"
     )]
     Inflated {
         /// Bytes of the samples once decompressed.
@@ -53,10 +53,10 @@ pub enum VolumeError {
         /// Bytes that are there.
         found: u64,
     },
-    /// The file ends before its header's promise is met.
-    #[error("the data ends after {found} of the {expected} bytes that the header promises")]
+    /// The file ends before the last sample.
+    #[error("the data ends after {found} of the {expected} bytes that it should have")]
     Truncated {
-        /// Bytes the header promises.
+        /// Bytes that there should be.
         expected: u64,
         /// Bytes that are there.
         found: u64,
@@ -180,7 +180,7 @@ pub enum VolumeError {
         /// The name of the file that is missing.
         missing: String,
     },
-    /// Neither content nor name tells the format.
+    /// Neither the content nor the name of the file is that of a format.
     #[error("the file format is not recognised: the file {}; recognised are {}", begins(start), formats::titles())]
     UnknownFormat {
         /// The first bytes, escaped; empty where the file is.
@@ -194,7 +194,7 @@ pub enum VolumeError {
         /// The feature of the crate.
         feature: &'static str,
     },
-    /// A folder, pipe or device stands where a file should be.
+    /// A folder, pipe or device in place of a file.
     #[error("this is a folder, pipe or device, but a regular file is needed")]
     NotAFile,
     /// The operating system refused.

@@ -31,6 +31,8 @@
 //! zlib data), `bzip2`, `npz`, `tiff`, `images` (PNG and JPEG slices), `vox`. The registry names formats that are compiled
 //! out, so that the error for such a file can say so.
 
+#![forbid(unsafe_code)]
+
 mod discovery;
 mod error;
 pub mod formats;
@@ -45,6 +47,11 @@ mod samples;
 mod testing;
 mod text;
 mod voxels;
+
+/// Compiles and runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 pub use discovery::{Discovery, discover, natural_cmp, uploaded_volumes};
 pub use error::{ReadError, VolumeError};

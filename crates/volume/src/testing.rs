@@ -10,7 +10,7 @@ use crate::{Endian, ReadOptions, SampleType, Shape, Volume, VolumeError, VolumeS
 /// The shape of [`volume`]: no two sides are alike.
 pub(crate) const SHAPE: Shape = [3, 4, 5];
 
-/// A volume that is no mirror image of itself along any axis; its levels reach from 0 to 255.
+/// A volume without mirror symmetry along any axis, with levels from 0 to 255.
 pub(crate) fn volume() -> Volume {
     Volume::from_fn(SHAPE, |z, y, x| if (z, y, x) == (2, 3, 4) { 255 } else { (z * 67 + y * 31 + x * 7) as u8 })
         .unwrap()
@@ -86,7 +86,7 @@ impl Folder {
         path
     }
 
-    /// Writes a file and reads it as whatever it says it is.
+    /// Writes a file and reads it.
     pub(crate) fn read(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(Volume, VolumeSource), VolumeError> {
         read(&self.write(name, bytes))
     }
@@ -98,7 +98,6 @@ pub(crate) fn read(path: &Path) -> Result<(Volume, VolumeSource), VolumeError> {
 }
 
 /// Bytes as gzip writes them.
-#[cfg(feature = "gzip")]
 pub(crate) fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     std::io::Write::write_all(&mut encoder, bytes).unwrap();

@@ -1,4 +1,4 @@
-//! The volumes among files that somebody sent, of which none may be skipped without a word.
+//! The volumes among uploaded files, none of which may be skipped silently.
 
 use std::collections::HashSet;
 use std::fs;

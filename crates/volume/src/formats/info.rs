@@ -20,7 +20,7 @@ pub struct FormatInfo {
     pub detached_headers: &'static [&'static str],
     /// The extensions of such files of samples, without `.gz` and `.bz2`. Beside their header they are not volumes.
     pub data_files: &'static [&'static str],
-    /// The extensions of files of which a folder makes one volume; empty unless the format is a folder.
+    /// The extensions of the pictures that make up a folder of slices; empty for other formats.
     pub slices: &'static [&'static str],
     /// How samples may be compressed.
     pub compressions: &'static [&'static str],

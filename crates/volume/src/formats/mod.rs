@@ -1,7 +1,7 @@
 //! The formats: what can be read, and the traits behind which a format is written.
 //!
-//! [`registry`] is the only list of formats. Reading, discovery of folders, uploads, help texts and servers ask it for
-//! names and extensions. To add a format, write a module with a [`Format`] and a [`VolumeReader`], and add one line to the
+//! [`registry`] is the only list of formats. Reading, discovery of folders, uploads, help texts and servers take
+//! names and extensions from it. To add a format, write a module with a [`Format`] and a [`VolumeReader`], and add one line to the
 //! registry. Whole reads, slabs, boxes, intensity rules and limits are written once, above the traits.
 //!
 //! ```

@@ -10,7 +10,7 @@ pub(super) struct Npz;
 static INFO: FormatInfo = FormatInfo::new(
     "npz",
     "NumPy archive",
-    "An archive of arrays of which exactly one has the axes of a volume, stored or deflated.",
+    "An archive of arrays, exactly one of which has the axes of a volume; stored or deflated.",
 )
 .extensions(&[".npz"])
 .compressions(&["deflate"])

@@ -1,8 +1,8 @@
 //! [`SampleBytes`]: the decoded bytes of samples, by their place.
 //!
-//! Never more bytes are decoded than were promised, and memory grows with the bytes that arrive, so a small file that
-//! promises a huge volume costs little before it is found out. With the last promised byte, one more is asked for: that
-//! makes a decoder check the checksum of its stream. Where more data follow, they are ignored, in every format.
+//! No more bytes are decoded than the header promises, and memory grows with the bytes that arrive, so a small file that
+//! promises a huge volume costs little before it is refused. After the last promised byte one more is read, which makes a
+//! decoder verify the checksum of its stream. Data beyond the promise are ignored, in every format.
 
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom};
@@ -89,14 +89,14 @@ impl SampleBytes {
 
     /// As [`append`](Self::append), by seeking.
     fn append_direct(&mut self, offset: u64, count: u64, out: &mut Vec<u8>) -> Result<(), VolumeError> {
-        // The stream shares the place in the file.
+        // The stream shares the position in the file.
         self.stream = None;
         self.file.seek(SeekFrom::Start(self.start + offset)).map_err(finding)?;
         let (data, expected) = (self.layout.encoding.data(), self.layout.bytes());
         append_promised(&mut self.file, count, out, data, expected, offset).map(drop)
     }
 
-    /// A decoder that stands at the first sample.
+    /// A new decoder, positioned at the first sample.
     fn begin(&mut self) -> Result<Stream, VolumeError> {
         let mut file = self.file.try_clone().map_err(finding)?;
         // A checksum of samples that are not compressed covers bytes before them too.
@@ -227,7 +227,7 @@ impl<R: Read> Read for Checked<R> {
     }
 }
 
-/// Exactly `expected` bytes of a reader; `checked` asks for one byte more, as of data with a checksum.
+/// Exactly `expected` bytes of a reader; with `checked`, one byte more is read, as of data with a checksum.
 #[cfg(test)]
 pub(super) fn exactly(mut reader: impl Read, expected: u64, checked: bool) -> Result<Vec<u8>, VolumeError> {
     let mut bytes = Vec::new();

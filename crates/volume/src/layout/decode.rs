@@ -43,7 +43,7 @@ pub(crate) fn gzip_start(data: impl BufRead, limit: u64) -> Vec<u8> {
     start
 }
 
-/// The decoded bytes of samples of a type; `file` stands at the encoded ones.
+/// The decoded bytes of samples of a type; `file` is positioned at the encoded ones.
 pub(super) fn decoder(
     encoding: Encoding,
     file: BufReader<File>,

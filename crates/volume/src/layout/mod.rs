@@ -111,7 +111,7 @@ pub(crate) enum Meaning {
     Numbers,
     /// Truth values of a byte each, which become 0 and 255.
     Truth,
-    /// Unsigned numbers `v` that stand for `max - v`.
+    /// Unsigned numbers `v` that mean `max - v`.
     #[cfg(feature = "tiff")]
     Inverted,
 }

@@ -23,7 +23,7 @@ impl LayoutReader {
         Ok(Self { header, bytes: SampleBytes::open(layout)? })
     }
 
-    /// Appends a box as it stands in the file.
+    /// Appends the samples of a box, in the byte order of the file.
     fn append_stored(&mut self, region: &Region, out: &mut Vec<u8>) -> Result<(), VolumeError> {
         let size = self.header.samples.size();
         let at = |samples: usize| samples as u64 * size as u64;

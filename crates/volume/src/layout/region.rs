@@ -24,11 +24,13 @@ pub(super) struct Region {
     to: usize,
 }
 
-/// A part is read at once if its samples span no more bytes of the file than this, ...
+/// A part whose samples span at most this many bytes of the file is read at once.
 const SMALL: usize = 32 << 10;
-/// ... or no more than this ...
-const LARGE: usize = 16 << 20;
-/// ... and at least one in so many of them belongs to it.
+
+/// A larger part is read at once if it spans at most this many bytes and is not sparse.
+const LARGE: usize = 64 << 20;
+
+/// A part is sparse if fewer than one in this many samples of its span belong to it.
 const SPARSE: usize = 8;
 
 impl Region {

@@ -65,7 +65,7 @@ impl<R: Read> NpyReader<R> {
             });
         }
         let mut bytes = Vec::new();
-        append_promised(&mut self.reader, count * size, &mut bytes, "the array", expected, found)?;
+        append_promised(&mut self.reader, count.saturating_mul(size), &mut bytes, "the array", expected, found)?;
         self.read += count;
         Ok(bytes.chunks_exact(ty.size()).map(|bytes| T::from_bytes(bytes, endian)).collect())
     }

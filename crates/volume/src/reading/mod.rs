@@ -174,7 +174,8 @@ impl VolumeFile {
     ///
     /// The voxels are those of the same box of the whole volume. Under [`Intensity::Full`](crate::Intensity::Full) and [`Intensity::Auto`](crate::Intensity::Auto) the first
     /// block scans the whole file for the range of its samples; otherwise only the box is read, so that samples outside it
-    /// that are not finite go unnoticed. What a box costs depends on the [`Access`] of the file.
+    /// that are not finite go unnoticed. What a box costs depends on the [`Access`] of the file; under [`Access::Whole`] a
+    /// scan takes the memory of all samples.
     ///
     /// # Errors
     /// [`ReadError`] as by [`read`](fn@read), with [`VolumeError::OutsideVolume`] for a box that does not lie inside, and

@@ -110,7 +110,7 @@ impl SlabReader {
 
     /// The next `planes` planes, fewer at the end of the volume; `None` at the end, or if `planes` is 0.
     ///
-    /// The first call scans the file as often as the intensity rule needs; `planes` bounds the memory of that too.
+    /// The first call makes the scans that the intensity rule needs; `planes` bounds their memory too.
     ///
     /// # Errors
     /// [`ReadError`] as by [`read`](crate::read). Of several faults the first one in the file is reported. After an error

@@ -83,7 +83,7 @@ impl Samples {
     }
 }
 
-/// The channels of a volume whose samples have so many: an alpha is dropped.
+/// The channels that a volume keeps of its samples: an alpha is dropped.
 ///
 /// # Errors
 /// [`VolumeError::Channels`] for other than 1, 3 or 4.

@@ -1,7 +1,8 @@
 //! No bytes make a reader panic, hang, take more memory than its limits allow, or quote more than a line of them.
 //!
 //! Valid small files of every format, written by other programs, are damaged at random and read again; so are random bytes
-//! under every name. A small limit of voxels bounds what a wrong header may ask for, so a run of thousands stays fast.
+//! under every name. A small limit of voxels bounds the work that a wrong header can cause, so that
+//! thousands of cases stay fast.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

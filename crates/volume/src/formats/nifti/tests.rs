@@ -66,7 +66,7 @@ impl Written {
         bytes
     }
 
-    /// A file of its own: header, four bytes that tell of extensions, samples at the offset.
+    /// A single file: header, four bytes about extensions, samples at the offset.
     fn single(&self, ty: SampleType) -> Vec<u8> {
         let mut bytes = self.bytes();
         bytes.resize(usize::try_from(self.offset).unwrap_or(0).max(bytes.len() + 4), 0);
@@ -96,7 +96,7 @@ fn every_form_type_and_byte_order() {
             (1280, SampleType::U64),
         ] {
             let bytes = Written { datatype, ..form.clone() }.single(ty);
-            for (name, bytes) in [("a.nii.gz", gzip(&bytes)), ("told by content", bytes)] {
+            for (name, bytes) in [("a.nii.gz", gzip(&bytes)), ("by content", bytes)] {
                 let (found, source) = folder.read(name, bytes).unwrap();
                 assert_eq!((found, source.samples, source.format), (volume(), ty, "nifti"), "{name} {datatype}");
                 let spacing = VoxelSpacing::new([2.0, 0.75, 0.5]).unwrap().unit(Some(LengthUnit::Micrometer));

@@ -41,7 +41,10 @@ impl TiffHeader {
     fn read(reader: &mut impl Read) -> Result<Self, VolumeError> {
         let mark: [u8; 4] = array(reader)?;
         if !Self::sniff(&mark) {
-            return Err(malformed("the file does not begin as a TIFF file does", "II*, MM* or their BigTIFF forms"));
+            return Err(malformed(
+                "the file does not begin as a TIFF file does",
+                "II*, MM* or a BigTIFF form of them is expected",
+            ));
         }
         let endian = if mark.starts_with(b"I") { Endian::Little } else { Endian::Big };
         let big = mark.contains(&43);
@@ -51,7 +54,7 @@ impl TiffHeader {
         }
         let sizes = if endian == Endian::Big { [0, 8, 0, 0] } else { [8, 0, 0, 0] };
         if array(reader)? != sizes {
-            return Err(malformed("the BigTIFF header does not say that offsets have 8 bytes", "BigTIFF has no other"));
+            return Err(malformed("the BigTIFF header gives another size of offsets", "it is always 8 bytes"));
         }
         Ok(Self { endian, big, first: u64_of(endian, array(reader)?) })
     }
@@ -140,7 +143,7 @@ impl<'a, R: Read + Seek> Walker<'a, R> {
         let wrong = || {
             malformed(
                 &format!("tag {tag} has values of type {}", entry.kind),
-                "whole numbers (types 1, 3, 4, 13, 16, 18)",
+                "whole numbers (types 1, 3, 4, 13, 16, 18) are expected",
             )
         };
         let bytes = self.value(tag, entry)?;
@@ -159,7 +162,7 @@ impl<'a, R: Read + Seek> Walker<'a, R> {
         match self.numbers(directory, tag)?.as_deref() {
             None => Ok(None),
             Some([number]) => Ok(Some(*number)),
-            Some(other) => Err(malformed(&format!("tag {tag} has {} values", other.len()), "it has one")),
+            Some(other) => Err(malformed(&format!("tag {tag} has {} values", other.len()), "one is expected")),
         }
     }
 
@@ -199,7 +202,7 @@ impl<'a, R: Read + Seek> Walker<'a, R> {
         if bytes > MOST_VALUE_BYTES.min(self.length) {
             return Err(malformed(
                 &format!("tag {tag} claims {bytes} bytes of values in a file of {} bytes", self.length),
-                "the values of a tag are few and inside the file",
+                "the values of a tag are inside the file",
             ));
         }
         let [a, b, c, d, ..] = entry.field;

@@ -62,7 +62,10 @@ impl Page {
         let channels = walker.number(directory, SAMPLES)?.unwrap_or(1);
         let planar = walker.number(directory, PLANAR)?.unwrap_or(1) == 2;
         if !(1..=u64::from(u16::MAX)).contains(&channels) {
-            return Err(malformed(&format!("a page of the TIFF file has {channels} samples per pixel"), "1, 3 or 4"));
+            return Err(malformed(
+                &format!("a page of the TIFF file has {channels} samples per pixel"),
+                "1, 3 or 4 are read",
+            ));
         }
         covered(walker, directory, width, height, if planar { channels } else { 1 })?;
         if walker.number(directory, SUBFILE)?.unwrap_or(0) & 0b101 != 0 {

@@ -50,7 +50,7 @@ pub(super) struct PagesReader<R: Read + Seek> {
     /// The directories that are slices.
     directories: Vec<usize>,
     decoder: Decoder<R>,
-    /// The directory that the decoder stands at.
+    /// The directory that the decoder is positioned at.
     at: usize,
 }
 
@@ -87,7 +87,7 @@ impl<R: Read + Seek> PagesReader<R> {
         Ok(())
     }
 
-    /// Appends the samples of the directory that the decoder stands at, in the byte order of this machine.
+    /// Appends the samples of the current directory, in the byte order of this machine.
     fn decode_page(&mut self, bytes: &mut Vec<u8>) -> Result<(), VolumeError> {
         let (page, index) = (self.stack.page, self.at);
         let PlaneFormat { height, width, channels, ty } = page.format;
