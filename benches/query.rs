@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use hlacdb::hlac::View;
-use hlacdb::index::{Index, IndexMethod, KdTree, KnnQuery, Points};
+use hlacdb::internals::index::{Index, IndexMethod, KdTree, KnnQuery, Points};
 use hlacdb::space::Metric;
 use hlacdb::{OpenOptions, Query};
 use points::{DIMS, Origin};

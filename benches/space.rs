@@ -10,7 +10,8 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use hlacdb::hlac::{OctantSums, View, kernels};
-use hlacdb::space::{Contribution, Definition, Descriptor, FeatureSet, Prior, Space, Statistics};
+use hlacdb::internals::space::{Contribution, Prior};
+use hlacdb::space::{Definition, Descriptor, FeatureSet, Space, Statistics};
 use hlacdb::synth;
 use hlacdb::volume::Volume;
 

@@ -10,7 +10,7 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use hlacdb::space::prior::Observations;
+use hlacdb::internals::space::Observations;
 use hlacdb::synth::{Nuisance, Recipe};
 use rayon::prelude::*;
 

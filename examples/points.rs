@@ -13,7 +13,8 @@ use std::error::Error;
 use std::path::Path;
 
 use hlacdb::hlac::{MASK_COUNT, OctantSums, View};
-use hlacdb::space::{self, Contribution, Definition, Descriptor, Prior, Space, Statistics};
+use hlacdb::internals::space::{Contribution, NuisanceStatistics, Prior};
+use hlacdb::space::{Definition, Descriptor, Space, Statistics};
 use hlacdb::synth::families::FAMILIES;
 use hlacdb::synth::{Nuisance, Recipe};
 use rayon::prelude::*;
@@ -43,7 +44,7 @@ fn main() -> Result<(), Failure> {
         .collect();
 
     let mut statistics = Statistics::new(&definition.feature_set);
-    let mut nuisance = space::NuisanceStatistics::new(&definition.feature_set);
+    let mut nuisance = NuisanceStatistics::new(&definition.feature_set);
     for (texture, copy) in &described {
         let [texture, copy] = [texture, copy].map(|d| Contribution::from_sums(&definition.feature_set, d));
         let (Some(texture), Some(copy)) = (texture?, copy?) else { return Err("a texture lacks a view".into()) };

@@ -17,8 +17,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 
 use hlacdb::hlac::View;
-use hlacdb::space::prior::{self, Observations};
-use hlacdb::space::{Contribution, Definition, Descriptor, Features, Prior, Space, SpaceKind, Statistics};
+use hlacdb::internals::space::{Contribution, Observations, Prior};
+use hlacdb::space::{Definition, Descriptor, Features, Space, SpaceKind, Statistics};
 use hlacdb::synth::{Nuisance, Recipe, Specimen};
 use rayon::prelude::*;
 
@@ -94,7 +94,7 @@ fn fits(definition: &Definition) -> Vec<Fit> {
     }
     let weights: Vec<f64> = match std::env::var("WEIGHTS") {
         Ok(list) => list.split(',').filter_map(|weight| weight.parse().ok()).collect(),
-        Err(_) => vec![prior::WEIGHT],
+        Err(_) => vec![Prior::shipped().weight()],
     };
     let both = weights.into_iter().map(|weight| fit(&format!("prior as {weight}, own"), weight, true));
     [fit("prior", 1.0, false), fit("own, nuisances of the prior", 1e-6, true)].into_iter().chain(both).collect()

@@ -25,7 +25,7 @@
 //! | [`volume`] | files | voxels |
 //! | [`hlac`] | voxels | exact sums, moments |
 //! | [`space`] | moments | points |
-//! | [`index`] | points | neighbours |
+//! | `index` | points | neighbours |
 //! | [`synth`] | recipes | voxels |
 //! | [`Database`], [`ingest`], [`Query`], [`eval`] | all of them | answers |
 //! | `render` | volumes, answers | pictures |
@@ -36,7 +36,9 @@ mod database;
 mod describe;
 mod error;
 pub mod eval;
-pub mod index;
+// Tests reach it through `internals`; without it some of what it offers is unused.
+#[cfg_attr(not(feature = "unstable-internals"), allow(dead_code, unreachable_pub, unused_imports))]
+mod index;
 pub mod ingest;
 mod isolated;
 // Tests reach this room and the store through `internals`; otherwise some of what they offer is unused.
@@ -75,6 +77,7 @@ pub use describe::{describe, octant_sums};
 pub use error::{Error, ExampleKind, ExchangeError, Hint, IngestError, MaintenanceError, QueryError, chain};
 pub use hlac;
 pub use hlacdb_volume as volume;
+pub use index::{IndexError, IndexMethod, UnknownIndexMethod};
 pub use migrations::{MigrateOptions, MigrateReport, MigrationError};
 pub use progress::Progress;
 #[cfg(feature = "fuzz")]
@@ -91,8 +94,16 @@ pub use texture_id::TextureId;
 #[cfg(feature = "unstable-internals")]
 #[doc(hidden)]
 pub mod internals {
+    pub mod index {
+        pub use crate::index::*;
+    }
     pub mod migrations {
         pub use crate::migrations::*;
+    }
+    pub mod space {
+        pub use crate::space::contribution::Contribution;
+        pub use crate::space::nuisance::NuisanceStatistics;
+        pub use crate::space::prior::{Observations, Prior};
     }
     pub mod store {
         pub use crate::store::*;

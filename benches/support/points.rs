@@ -8,7 +8,7 @@
 use std::path::Path;
 
 use hlacdb::hlac::MASKS;
-use hlacdb::index::{Graph, Index, Points};
+use hlacdb::internals::index::{Graph, Index, Points};
 use hlacdb::space::Metric;
 use hlacdb::volume::npy::NpyReader;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};

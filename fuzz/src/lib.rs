@@ -7,9 +7,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock};
 
+use hlacdb::internals::space::NuisanceStatistics;
 use hlacdb::serve::ServerOptions;
 use hlacdb::serve::fuzz::InProcessServer;
-use hlacdb::space::{NuisanceStatistics, Space, Statistics};
+use hlacdb::space::{Space, Statistics};
 use hlacdb::synth::Recipe;
 use hlacdb::volume::{
     self, Endian, Intensity, MIN_SIDE, RawLayout, ReadOptions, SampleType, SlabReader, Volume, VolumeFile,

@@ -43,7 +43,7 @@ impl fmt::Debug for IdFilter<'_> {
 /// A k-nearest-neighbours query: the points nearest to a point.
 ///
 /// ```
-/// use hlacdb::index::{Index, KnnQuery, IndexMethod};
+/// use hlacdb::internals::index::{Index, IndexMethod, KnnQuery};
 /// use hlacdb::space::Metric;
 /// let mut index = Index::new(Metric::L2, 2)?;
 /// for (id, point) in [(1, [0.0, 0.0]), (2, [1.0, 0.0]), (3, [5.0, 0.0])] {
@@ -51,7 +51,7 @@ impl fmt::Debug for IdFilter<'_> {
 /// }
 /// let hits = index.search(&KnnQuery::nearest(&[0.0, 0.0], 10).within(2.0).exclude(1), IndexMethod::Auto)?;
 /// assert_eq!((hits.len(), hits[0].id, hits[0].distance), (1, 2, 1.0));
-/// # Ok::<(), hlacdb::index::IndexError>(())
+/// # Ok::<(), hlacdb::IndexError>(())
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct KnnQuery<'a> {

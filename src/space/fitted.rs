@@ -21,11 +21,12 @@ const NAMED: usize = 3;
 /// is mapped to the origin.
 ///
 /// ```
-/// use hlacdb::space::{Definition, Descriptor, Prior, Space, Statistics};
-/// use hlacdb::volume::Volume;
-/// let definition = Definition::built_in("paper").ok_or("no such space")?;
-/// let space = Space::fit(&definition, &Statistics::new(&definition.feature_set), None, &Prior::none())?;
-/// let described = hlacdb::describe(&Volume::new([4, 4, 4], 1, vec![2; 64])?, definition.feature_set.views());
+/// use hlacdb::{Database, space::Descriptor, volume::Volume};
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("textures.hlacdb");
+/// let database = Database::open(&path)?;
+/// let space = database.space("paper")?;
+/// let described = hlacdb::describe(&Volume::new([4, 4, 4], 1, vec![2; 64])?, space.feature_set().views());
 /// let point = space.point(&Descriptor::from_sums(&described)?.features(space.feature_set()))?;
 /// assert_eq!(point[0], 2.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -68,6 +69,7 @@ impl Space {
     ///
     /// # Errors
     /// As [`Definition::check`]; [`SpaceError::FeatureSet`] for statistics of another feature set than the definition's.
+    #[doc(hidden)]
     pub fn fit(
         definition: &Definition,
         statistics: &Statistics,
@@ -100,6 +102,7 @@ impl Space {
     }
 
     /// The same space with another epoch: the number by which its owner tells one fit from the next.
+    #[doc(hidden)]
     pub fn with_epoch(self, epoch: u64) -> Self {
         Self { epoch, ..self }
     }
@@ -273,6 +276,7 @@ impl Space {
     /// 2 z-score, 3 likeness: then nuisance weight f64 and dims u32); epoch u64; count u64, mean and variances at the
     /// fit as lists of f64; then for z-score: mean and scale, for likeness: mean, weights, correlations, deviations and
     /// variances, as lists of f64, matrices row-major with a row a feature.
+    #[doc(hidden)]
     pub fn encode(&self) -> Vec<u8> {
         let mut writer = Writer::new(SPACE);
         writer.bytes(self.definition.name.as_bytes());
@@ -309,6 +313,7 @@ impl Space {
     ///
     /// # Errors
     /// [`SpaceError::Damaged`], [`SpaceError::Version`].
+    #[doc(hidden)]
     pub fn decode(bytes: &[u8]) -> Result<Self, SpaceError> {
         let mut reader = Reader::new(SPACE, bytes)?;
         let name = str::from_utf8(reader.bytes()?).map_err(|_| reader.damaged("its name is not UTF-8"))?.to_owned();

@@ -5,7 +5,10 @@
 //! - *Statistics* ([`Statistics`]) are sums over the textures of a store; they are exact, additive and removable.
 //! - A *definition* ([`Definition`]) names the feature set of a space and how features become points.
 //! - A *space* ([`Space`]) is a definition fitted on statistics. It maps features to *points*.
-//! - A *prior* ([`Prior`]) holds statistics of textures in general, for stores with few textures.
+//! - A *prior* holds statistics of textures in general, for stores with few textures.
+//!
+//! A store fits its spaces itself; what is public here is for reading them, and for defining new ones
+//! ([`crate::Database::add_space`]).
 //!
 //! | space | features | point | distance |
 //! |---|---|---|---|
@@ -33,7 +36,7 @@
 //! are not chosen at run time, and square and cube roots are correctly rounded or computed here.
 
 mod codec;
-mod contribution;
+pub(crate) mod contribution;
 mod definition;
 mod degree_roots;
 mod descriptor;
@@ -46,12 +49,11 @@ mod fitted;
 mod fixtures;
 pub(crate) mod linalg;
 mod metric;
-mod nuisance;
-pub mod prior;
+pub(crate) mod nuisance;
+pub(crate) mod prior;
 mod scatter;
 mod statistics;
 
-pub use contribution::Contribution;
 pub use definition::{Definition, MAX_DIMS, SpaceKind};
 pub use descriptor::Descriptor;
 pub use error::SpaceError;
@@ -59,6 +61,8 @@ pub use explain::{Explanation, OrbitShare};
 pub use feature_set::{Feature, FeatureForm, FeaturePart, FeatureSet, Features};
 pub use fitted::{Drift, Space, SpaceAxis};
 pub use metric::{Metric, UnknownMetric};
-pub use nuisance::NuisanceStatistics;
-pub use prior::Prior;
 pub use statistics::Statistics;
+
+pub(crate) use contribution::Contribution;
+pub(crate) use nuisance::NuisanceStatistics;
+pub(crate) use prior::Prior;

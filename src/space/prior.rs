@@ -39,21 +39,27 @@
 //! oriented: mean f64 list (18), T f64 list, O f64 list (one number for each orbit of pairs)
 //! ```
 
+#[cfg(any(test, feature = "unstable-internals"))]
+mod observations;
+mod pair_orbits;
+
 use std::sync::{Arc, LazyLock, OnceLock};
 
-use super::codec::{Header, Reader, Writer};
-use super::fit::{Model, inverse_deviation};
-use super::linalg::{Eigen, Matrix};
+use super::codec::{Header, Reader};
+use super::fit::Model;
+use super::linalg::Matrix;
 use super::scatter::Scatter;
-use super::{Contribution, FeatureForm, FeatureSet, NuisanceStatistics, SpaceError, Statistics};
+use super::{FeatureForm, FeatureSet, SpaceError};
 use crate::hlac::MASK_COUNT;
-use crate::hlac::orbits::{ORBIT_COUNT, ORBIT_OF, members, symmetries};
-use crate::volume::Volume;
+use crate::hlac::orbits::{ORBIT_COUNT, ORBIT_OF};
+#[cfg(any(test, feature = "unstable-internals"))]
+pub use observations::Observations;
+use pair_orbits::PairOrbits;
 
 const PRIOR: Header = Header { what: "prior", magic: *b"hPri", version: 2 };
 
 /// The number of textures that the shipped prior counts as.
-pub const WEIGHT: f64 = 300.0;
+const WEIGHT: f64 = 300.0;
 
 /// Statistics of textures in general, and the number of textures that they count as.
 #[derive(Clone, Debug)]
@@ -186,158 +192,7 @@ impl Known {
     }
 }
 
-/// The orbits of unordered pairs of masks under the symmetries of the cube.
-struct PairOrbits {
-    /// The orbit of each pair: the upper triangle, row by row.
-    orbit_of: Vec<u32>,
-    count: usize,
-}
-
-impl PairOrbits {
-    fn new() -> Self {
-        const UNKNOWN: u32 = u32::MAX;
-        let symmetries = symmetries();
-        let mut orbit_of = vec![UNKNOWN; Scatter::length(MASK_COUNT)];
-        let mut count = 0;
-        for (at, [i, j]) in Self::pairs().enumerate() {
-            if orbit_of[at] == UNKNOWN {
-                for symmetry in &symmetries {
-                    orbit_of[Self::place(usize::from(symmetry[i]), usize::from(symmetry[j]))] = count;
-                }
-                count += 1;
-            }
-        }
-        Self { orbit_of, count: count as usize }
-    }
-
-    fn pairs() -> impl Iterator<Item = [usize; 2]> {
-        (0..MASK_COUNT).flat_map(|i| (i..MASK_COUNT).map(move |j| [i, j]))
-    }
-
-    /// The index of a pair in the upper triangle.
-    fn place(i: usize, j: usize) -> usize {
-        let (i, j) = (i.min(j), i.max(j));
-        i * MASK_COUNT - i * (i + 1) / 2 + j
-    }
-
-    /// The mean of a symmetric matrix over each orbit.
-    fn average(&self, matrix: &Matrix) -> Vec<f64> {
-        let mut sums = vec![(0.0, 0.0); self.count];
-        for (&orbit, [i, j]) in self.orbit_of.iter().zip(Self::pairs()) {
-            let (sum, count) = &mut sums[orbit as usize];
-            *sum += matrix[(i, j)];
-            *count += 1.0;
-        }
-        sums.into_iter().map(|(sum, count)| sum / count).collect()
-    }
-
-    /// The matrix whose elements are the values of their orbits.
-    fn spread(&self, values: &[f64]) -> Matrix {
-        Matrix::from_fn(MASK_COUNT, MASK_COUNT, |i, j| values[self.orbit_of[Self::place(i, j)] as usize])
-    }
-}
-
-/// The statistics that a prior is made of. Additive and exact: parts can be collected in any order and merged.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Observations {
-    pooled: Statistics,
-    nuisance: NuisanceStatistics,
-    oriented: Statistics,
-}
-
-impl Default for Observations {
-    fn default() -> Self {
-        Self {
-            pooled: Statistics::new(&FeatureSet::stored()),
-            nuisance: NuisanceStatistics::new(&FeatureSet::stored()),
-            oriented: Statistics::new(&FeatureSet::oriented()),
-        }
-    }
-}
-
-impl Observations {
-    /// Adds a texture and copies of it under nuisances, including turns. A texture or copy that is too small for one of
-    /// the eight views is not counted.
-    ///
-    /// # Errors
-    /// None for any volume.
-    pub fn add(&mut self, texture: &Volume, copies: &[Volume]) -> Result<(), SpaceError> {
-        let feature_set = FeatureSet::stored();
-        let described = crate::describe(texture, feature_set.views());
-        let oriented = Contribution::from_sums(&FeatureSet::oriented(), &described)?;
-        let (Some(pooled), Some(oriented)) = (Contribution::from_sums(&feature_set, &described)?, oriented) else {
-            return Ok(());
-        };
-        self.pooled.add(&pooled)?;
-        self.oriented.add(&oriented)?;
-        for copy in copies {
-            if let Some(copy) = Contribution::from_sums(&feature_set, &crate::describe(copy, feature_set.views()))? {
-                self.nuisance.add(&pooled, &copy)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Adds the textures of `other`.
-    ///
-    /// # Errors
-    /// None: all observations have the same feature sets.
-    pub fn merge(&mut self, other: &Self) -> Result<(), SpaceError> {
-        self.pooled.merge(&other.pooled)?;
-        self.nuisance.merge(&other.nuisance)?;
-        self.oriented.merge(&other.oriented)
-    }
-
-    /// The bytes that [`Prior::decode`] reads.
-    pub fn encode(&self) -> Vec<u8> {
-        let mut writer = Writer::new(PRIOR);
-        writer.u64(self.pooled.count());
-        writer.u64(self.nuisance.count());
-        writer.f64s(&self.pooled.mean());
-        writer.f64s(&self.pooled.deviation());
-        let between = self.pooled.between();
-        let dims = between.rows();
-        let scale: Vec<f64> = (0..dims).map(|at| inverse_deviation(between[(at, at)])).collect();
-        let within = self.pooled.within().unwrap_or(Matrix::zero(dims, dims));
-        for covariance in [between, within, self.nuisance.covariance()] {
-            let scaled = Matrix::from_fn(dims, dims, |i, j| covariance[(i, j)] * scale[i] * scale[j]);
-            let root = Eigen::of(scaled).square_root();
-            let triangle: Vec<f64> = (0..dims).flat_map(|i| root.row(i)[i..].iter().copied()).collect();
-            write_steps(&mut writer, &triangle);
-        }
-        let orbits = PairOrbits::new();
-        let mean = self.oriented.mean();
-        let of_orbit = |orbit: usize| {
-            let members = members(orbit);
-            members.iter().map(|&mask| mean[usize::from(mask)]).sum::<f64>() / members.len() as f64
-        };
-        writer.f64s(&(0..ORBIT_COUNT).map(of_orbit).collect::<Vec<_>>());
-        let within = self.oriented.within().unwrap_or(Matrix::zero(MASK_COUNT, MASK_COUNT));
-        for covariance in [self.oriented.between(), within] {
-            writer.f64s(&orbits.average(&covariance));
-        }
-        writer.finish()
-    }
-}
-
-/// The number of steps of the largest number of a list stays below this: 24 bits with the sign.
-const STEPS: f64 = 8_388_608.0;
-
-/// Writes a list as multiples of one step, a power of two.
-fn write_steps(writer: &mut Writer, values: &[f64]) {
-    let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
-    let mut step = 1.0 / STEPS;
-    while largest >= step * (STEPS - 1.0) {
-        step *= 2.0;
-    }
-    while largest > 0.0 && largest < step * (STEPS - 1.0) / 2.0 && step > f64::MIN_POSITIVE {
-        step /= 2.0;
-    }
-    writer.f64(step);
-    writer.packed(&values.iter().map(|value| (value / step).round() as i128).collect::<Vec<_>>());
-}
-
-/// Reads what [`write_steps`] wrote.
+/// Reads a list of multiples of one step.
 fn steps(reader: &mut Reader<'_>, length: usize) -> Result<Vec<f64>, SpaceError> {
     let step = reader.f64()?;
     let values: Vec<f64> = reader.packed(length)?.into_iter().map(|count| count as f64 * step).collect();

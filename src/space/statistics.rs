@@ -54,19 +54,6 @@ impl Extremes {
 }
 
 /// Additive statistics of the textures of a store under one feature set.
-///
-/// ```
-/// use hlacdb::space::{Contribution, FeatureSet, Statistics};
-/// use hlacdb::volume::Volume;
-/// let feature_set = FeatureSet::plain();
-/// let mut statistics = Statistics::new(&feature_set);
-/// for level in [0, 255] {
-///     let described = hlacdb::describe(&Volume::new([4, 4, 4], 1, vec![level; 64])?, feature_set.views());
-///     statistics.add(&Contribution::from_sums(&feature_set, &described)?.ok_or("too small")?)?;
-/// }
-/// assert_eq!((statistics.count(), statistics.mean()[0], statistics.deviation()[0]), (2, 0.5, 0.5));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Statistics {
     feature_set: FeatureSet,
@@ -79,6 +66,7 @@ pub struct Statistics {
 
 impl Statistics {
     /// The statistics of no texture.
+    #[doc(hidden)]
     pub fn new(feature_set: &FeatureSet) -> Self {
         let dims = feature_set.dims();
         let plain = feature_set.form() == FeatureForm::Moments;
@@ -111,6 +99,7 @@ impl Statistics {
     ///
     /// # Errors
     /// [`SpaceError::FeatureSet`].
+    #[doc(hidden)]
     pub fn add(&mut self, texture: &Contribution) -> Result<(), SpaceError> {
         self.feature_set.require(&texture.feature_set)?;
         self.count += 1;
@@ -125,6 +114,7 @@ impl Statistics {
     ///
     /// # Errors
     /// [`SpaceError::FeatureSet`]; nothing is added then.
+    #[doc(hidden)]
     pub fn add_all<'a>(&mut self, textures: impl Iterator<Item = &'a Contribution> + Clone) -> Result<(), SpaceError> {
         textures.clone().try_for_each(|texture| self.feature_set.require(&texture.feature_set))?;
         self.products.outer_all(textures.clone().map(|texture| texture.features.as_slice()));
@@ -144,6 +134,7 @@ impl Statistics {
     ///
     /// # Errors
     /// [`SpaceError::FeatureSet`]; [`SpaceError::Overdrawn`] where the statistics count no texture.
+    #[doc(hidden)]
     pub fn remove(&mut self, texture: &Contribution) -> Result<(), SpaceError> {
         self.feature_set.require(&texture.feature_set)?;
         let overdrawn =
@@ -182,6 +173,7 @@ impl Statistics {
     ///
     /// # Errors
     /// [`SpaceError::FeatureSet`].
+    #[doc(hidden)]
     pub fn merge(&mut self, other: &Self) -> Result<(), SpaceError> {
         self.feature_set.require(&other.feature_set)?;
         self.count += other.count;
@@ -248,6 +240,7 @@ impl Statistics {
     /// # Errors
     /// The first error among the textures; [`SpaceError::FeatureSet`]; [`SpaceError::Overdrawn`] where their number is
     /// not [`Statistics::count`]. The extremes are unchanged then.
+    #[doc(hidden)]
     pub fn renew_extremes<E: From<SpaceError>>(
         &mut self,
         textures: impl IntoIterator<Item = Result<Contribution, E>>,
@@ -273,6 +266,7 @@ impl Statistics {
     ///
     /// Feature set (form u8, views as a list of u8 codes), count u64, sums and products packed; then for moments: 1 where
     /// extremes are exact, else 0 (u8), lowest and highest packed; for other forms: octant count u64, scatter packed.
+    #[doc(hidden)]
     pub fn encode(&self) -> Vec<u8> {
         let mut writer = Writer::new(STATISTICS);
         write_feature_set(&mut writer, &self.feature_set);
@@ -296,6 +290,7 @@ impl Statistics {
     ///
     /// # Errors
     /// [`SpaceError::Damaged`], [`SpaceError::Version`].
+    #[doc(hidden)]
     pub fn decode(bytes: &[u8]) -> Result<Self, SpaceError> {
         let mut reader = Reader::new(STATISTICS, bytes)?;
         let mut statistics = Self::new(&read_feature_set(&mut reader)?);

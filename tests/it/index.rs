@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use hlacdb::index::{IdFilter, Index, IndexMethod, KnnQuery, Neighbour, Points};
+use hlacdb::internals::index::{IdFilter, Index, IndexMethod, KnnQuery, Neighbour, Points};
 use hlacdb::space::Metric;
 use proptest::prelude::*;
 

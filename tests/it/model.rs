@@ -3,9 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use hlacdb::index::IndexMethod;
 use hlacdb::volume::Volume;
-use hlacdb::{Added, Database, Error, Meta, Query, QueryError, ReindexOptions, TagEdit};
+use hlacdb::{Added, Database, Error, IndexMethod, Meta, Query, QueryError, ReindexOptions, TagEdit};
 use proptest::prelude::*;
 
 /// One step of a history. Numbers are reduced to what there is when the step is taken.

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use hlacdb::Volumes;
 use hlacdb::hlac::{MASK_COUNT, View};
-use hlacdb::index::IndexMethod;
-use hlacdb::{Answer, Combine, Database, Error, ExchangeError, OpenOptions, Query, QueryError, TagEdit, arrays};
+use hlacdb::{
+    Answer, Combine, Database, Error, ExchangeError, IndexMethod, OpenOptions, Query, QueryError, TagEdit, arrays,
+};
 use proptest::prelude::*;
 
 type Moments = [f32; MASK_COUNT];

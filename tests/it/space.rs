@@ -1,7 +1,8 @@
 //! Spaces of synthetic families, of their copies under nuisances, and of real moments.
 
 use hlacdb::hlac::{MASK_COUNT, View};
-use hlacdb::space::{Contribution, Definition, Descriptor, FeatureSet, Features, Prior, Space, Statistics};
+use hlacdb::internals::space::{Contribution, Prior};
+use hlacdb::space::{Definition, Descriptor, FeatureSet, Features, Space, Statistics};
 use hlacdb::synth::{self, Nuisance};
 use hlacdb::volume::Volume;
 use hlacdb::volume::npy::NpyReader;

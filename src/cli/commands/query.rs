@@ -6,11 +6,10 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
 use hlacdb::hlac::View;
-use hlacdb::index::IndexMethod;
 use hlacdb::render::{self, ContactSheetOptions};
 use hlacdb::space::Descriptor;
 use hlacdb::volume::{self, Volume, display_path};
-use hlacdb::{Answer, Combine, Database, arrays};
+use hlacdb::{Answer, Combine, Database, IndexMethod, arrays};
 
 use crate::cli::arguments::{FilterArguments, ReadArguments, SpaceArgument, png, whole};
 use crate::cli::context::{Context, Failure, Outcome};

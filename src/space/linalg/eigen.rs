@@ -26,6 +26,7 @@ impl Eigen {
     }
 
     /// The symmetric square root of a positive semi-definite matrix. Eigenvalues that rounding made negative count as 0.
+    #[cfg(any(test, feature = "unstable-internals"))]
     pub(crate) fn square_root(&self) -> Matrix {
         let size = self.values.len();
         let scaled = Matrix::from_fn(size, size, |i, j| self.vectors[(i, j)] * self.values[i].max(0.0).sqrt());

@@ -1,6 +1,7 @@
 use super::*;
+use crate::hlac::orbits::symmetries;
 use crate::space::fixtures::{described, features, volume};
-use crate::space::{Definition, Space};
+use crate::space::{Definition, Space, Statistics};
 
 fn observations() -> Observations {
     let mut observations = Observations::default();
