@@ -105,7 +105,7 @@ fn errors_about_the_server_name_a_remedy() {
         1,
         &[
             ("serve --addr 0.0.0.0:0", "--token"),
-            ("serve --addr 203.0.113.1:1 --token secret", "--addr"),
+            ("serve --addr 203.0.113.1:1 --token 0123456789abcdef", "--addr"),
             ("serve --addr 127.0.0.1:0 --ingest-folder nowhere", "--ingest-folder"),
         ],
     );
