@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
     let folder = tempfile::tempdir()?;
     let database = Database::open(folder.path().join("families.hlacdb"))?;
     let recipe = Recipe::builtin("families")?;
-    ingest::synthesise(&database, &recipe.clone().with_nuisance(Nuisance::NONE), &(), &mut |_| {})?;
+    ingest::ingest_recipe(&database, &recipe.clone().with_nuisance(Nuisance::NONE), &(), &mut |_| {})?;
     database.reindex(&ReindexOptions::default(), &())?;
 
     let nuisance = Nuisance {

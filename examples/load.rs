@@ -28,7 +28,7 @@ fn main() -> Outcome<()> {
     let folder = tempfile::tempdir()?;
     let database = Database::open(folder.path().join("load.hlacdb"))?;
     let recipe = Recipe::parse(synth::builtin("paper600").ok_or("there is no recipe paper600")?)?;
-    ingest::synthesise(&database, &recipe, &(), &mut |_| {})?;
+    ingest::ingest_recipe(&database, &recipe, &(), &mut |_| {})?;
     let server = Server::bind(database, ServerOptions::new())?;
     let (address, stopper) = (server.address(), server.stopper());
     let running = std::thread::spawn(move || server.run());

@@ -1,10 +1,12 @@
-//! Retrieval measures over a labelled store.
+//! Retrieval measures of spaces, over textures that are labelled by a tag.
 //!
-//! Every texture that carries the label is a query against all others that carry it (leave one out), ranked by
-//! (distance, id) in a space. A texture whose label nobody else carries can find nothing: it is no query, but may be a
-//! (wrong) hit. Measures, as the retrieval literature defines them:
-//! *P@1*, *P@k*: the share of the first 1, k hits with the query's label; *mAP*: the mean over the queries of average
-//! precision, which is the mean of the precision at the rank of each relevant texture, over the whole ranking.
+//! Every labelled texture is a query against all other labelled ones (leave one out), ranked by (distance, id). A texture whose
+//! label no other texture has is not a query, since it has nothing to find, but it may be a hit, which is then not relevant. The
+//! measures are those of the retrieval literature:
+//!
+//! - *P@1*, *P@k*: the share of the first 1, k hits that have the label of the query;
+//! - *mAP*: the mean over all queries of average precision, which is the mean of the precision at the rank of each relevant
+//!   texture, over the whole ranking.
 
 use std::collections::BTreeMap;
 
@@ -17,16 +19,17 @@ use crate::error::{Error, QueryError};
 use crate::progress::Progress;
 use crate::space::Metric;
 
-/// Up to which rank the precision is told rank by rank.
+/// The highest rank of [`SpaceMeasures::precision_at_rank`].
 pub const CURVE_RANKS: usize = 50;
 
-/// At how many recalls the precision is told, from 0 to 1 in even steps.
+/// The number of values of [`SpaceMeasures::precision_at_recall`].
 pub const CURVE_RECALLS: usize = 21;
 
-/// Measures over some queries, each a mean in [0, 1].
+/// Measures over a number of queries. Each is a mean from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Measures {
-    /// How many queries they are the mean of.
+    /// The number of queries.
     pub queries: usize,
     /// The share of first hits with the query's label.
     pub p_at_1: f64,
@@ -36,38 +39,40 @@ pub struct Measures {
     pub map: f64,
 }
 
-/// One space's measures.
+/// The measures of one space.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct SpaceMeasures {
     /// The space.
     pub space: String,
     /// Over all queries.
     #[serde(flatten)]
     pub all: Measures,
-    /// The share of the first 1, 2, ... hits with the query's label, up to [`CURVE_RANKS`] or as many as there are; the
+    /// The share of the first 1, 2, ... hits with the query's label, up to [`CURVE_RANKS`] or the number of other textures: the
     /// mean over all queries.
     pub precision_at_rank: Vec<f64>,
-    /// Interpolated precision at recall 0, 1/20, ..., 1: the best precision at that recall or a higher one; the mean over
-    /// all queries.
+    /// Interpolated precision at recall 0, 1/20, ..., 1: the highest precision at that recall or a higher one; the mean over all
+    /// queries.
     pub precision_at_recall: Vec<f64>,
     /// Over the queries of each label.
     pub per_class: BTreeMap<String, Measures>,
-    /// How often a query of a label (outer key) has a first hit of a label (inner key).
+    /// The number of queries with a label (outer key) whose first hit has a label (inner key).
     pub confusion: BTreeMap<String, BTreeMap<String, usize>>,
 }
 
-/// The measures of several spaces, over the same queries.
+/// The measures of several spaces over the same queries.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Evaluation {
     /// The tag whose values are the labels.
     pub label: String,
     /// The k of P@k.
     pub k: usize,
-    /// In the order asked for.
+    /// The spaces, in the order in which the caller gave them.
     pub spaces: Vec<SpaceMeasures>,
 }
 
-/// Evaluates `spaces` by the tag `label`.
+/// Evaluates spaces by the values of a tag.
 ///
 /// # Errors
 /// [`QueryError::TooFewLabels`] where fewer than two textures carry the tag; [`QueryError::SingleLabel`] where all of them
@@ -93,7 +98,7 @@ pub fn evaluate(
     Ok(Evaluation { label: label.to_owned(), k, spaces: spaces.collect::<Result<_, _>>()? })
 }
 
-/// Refuses labels by which nothing can be found wrong, or nothing right.
+/// Refuses labels with which every hit, or no hit, would be relevant.
 fn check_classes(key: &str, labels: &BTreeMap<TextureId, String>) -> Result<(), QueryError> {
     let mut sizes: BTreeMap<&String, usize> = BTreeMap::new();
     for label in labels.values() {
@@ -115,7 +120,7 @@ struct Labelled {
     point: Vec<f32>,
 }
 
-/// What one query gave.
+/// The measures of one query.
 struct Ranked {
     class: usize,
     first: usize,
@@ -171,7 +176,7 @@ fn evaluate_space(
     })
 }
 
-/// Ranks all others by (distance, id); `None` where no other has the query's class.
+/// Ranks all other points by (distance, id); `None` if none of them has the query's class.
 fn rank(query: &Labelled, points: &[Labelled], metric: Metric, k: usize) -> Option<Ranked> {
     let mut others: Vec<(f64, TextureId, usize)> = points
         .iter()
@@ -207,7 +212,8 @@ fn rank(query: &Labelled, points: &[Labelled], metric: Metric, k: usize) -> Opti
     Some(Ranked { class: query.class, first, measures, at_rank, at_recall: interpolated(precisions) })
 }
 
-/// Precision at even steps of recall, of the precisions at the ranks of the relevant textures (one at least).
+/// Precision at even steps of recall, from the precisions at the ranks of the relevant textures, of which there is at least
+/// one.
 fn interpolated(mut precisions: Vec<f64>) -> Vec<f64> {
     let found = precisions.len();
     let mut best = 0.0_f64;
@@ -216,12 +222,12 @@ fn interpolated(mut precisions: Vec<f64>) -> Vec<f64> {
         *precision = best;
     }
     let steps = CURVE_RECALLS - 1;
-    // The first texture by which that much of them is found.
+    // The first relevant texture by which this share of them is found.
     let at = |step: usize| (step * found).div_ceil(steps).max(1) - 1;
     (0..=steps).map(|step| precisions.get(at(step)).copied().unwrap_or_default()).collect()
 }
 
-/// The mean of curves of one length.
+/// The mean of curves of the same length.
 fn mean_curve<'a>(curves: impl Iterator<Item = &'a Vec<f64>>) -> Vec<f64> {
     let mut sum: Vec<f64> = Vec::new();
     let mut count = 0.0;
@@ -254,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn average_precision_is_the_textbooks() {
+    fn average_precision_is_that_of_the_textbook() {
         // Ranking of the query at 0: classes 1 0 0 1 0 -> relevant at ranks 2, 3, 5.
         let points = [
             point(1, 0, 0.0),
@@ -274,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn labels_that_measure_nothing_are_refused() {
+    fn labels_with_which_all_or_no_hits_are_relevant_are_refused() {
         let labels =
             |values: &[&str]| (1_u64..).zip(values).map(|(id, value)| (id.into(), (*value).to_owned())).collect();
         let check = |values: &[&str]| check_classes("kind", &labels(values));
@@ -284,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lonely_label_is_no_query() {
+    fn a_texture_with_a_unique_label_is_not_a_query() {
         assert!(rank(&point(1, 7, 0.0), &[point(1, 7, 0.0), point(2, 1, 1.0)], Metric::L2, 3).is_none());
     }
 

@@ -1,9 +1,8 @@
-//! hlacdb: an embedded database that finds *solid textures* (voxel volumes: marble, clouds, CT cores, foams) that look
-//! alike.
+//! An embedded database that finds *solid textures* that look alike: voxel volumes such as marble, clouds, CT cores and foams.
 //!
 //! Each texture is described by its 251 exact 3-D higher-order local autocorrelation features (Suzuki, Yaginuma, Osawa:
-//! *A HLAC Shape Descriptor Extraction Method for 3D Solid Textures*) and searched by exact nearest neighbours, in one
-//! file on disk.
+//! *A HLAC Shape Descriptor Extraction Method for 3D Solid Textures*). Queries find the exact nearest neighbours. A database is
+//! one file on disk.
 //!
 //! ```
 //! use hlacdb::{Database, Meta, Query, volume::Volume};
@@ -18,17 +17,28 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! The rooms of the house, lower ones first; a lower one never imports a higher one:
+//! | module | is for |
+//! |---|---|
+//! | [`Database`] | adding, querying, inspecting and maintaining textures |
+//! | [`ingest`] | adding files and synthetic textures in parallel |
+//! | [`eval`] | measuring how well spaces retrieve labelled textures |
+//! | [`volume`] | voxels, and reading them from files (package `hlacdb-volume`) |
+//! | [`hlac`] | exact features of voxels (package `hlac`) |
+//! | [`space`] | the spaces in which distance means likeness |
+//! | [`synth`] | synthetic textures |
+//! | [`arrays`] | moments as NumPy arrays |
 //!
-//! | room | from | to |
-//! |---|---|---|
-//! | [`volume`] | files | voxels |
-//! | [`hlac`] | voxels | exact sums, moments |
-//! | [`space`] | moments | points |
-//! | `index` | points | neighbours |
-//! | [`synth`] | recipes | voxels |
-//! | [`Database`], [`ingest`], [`Query`], [`eval`] | all of them | answers |
-//! | `render` | volumes, answers | pictures |
+//! # Features
+//!
+//! `default-features = false` gives a lean library, which reads NumPy arrays and uncompressed NRRD, MetaImage, NIfTI and raw
+//! samples. These features add to it:
+//!
+//! | feature | adds |
+//! |---|---|
+//! | `archives` | [`Database::export_textures`] and [`Database::import_textures`] |
+//! | `bzip2`, `gzip`, `images`, `npz`, `tiff`, `vox` | file formats of volumes |
+//! | `render` | contact sheets, slice images and plots |
+//! | `cli`, `serve` | the program and its server |
 
 #![deny(unsafe_code)]
 
@@ -36,12 +46,11 @@ mod database;
 mod describe;
 mod error;
 pub mod eval;
-// Tests reach it through `internals`; without it some of what it offers is unused.
+// Tests and benches reach these rooms through `internals`. Without it, some of what the rooms offer is unused.
 #[cfg_attr(not(feature = "unstable-internals"), allow(dead_code, unreachable_pub, unused_imports))]
 mod index;
 pub mod ingest;
 mod isolated;
-// Tests reach this room and the store through `internals`; otherwise some of what they offer is unused.
 #[cfg_attr(not(feature = "unstable-internals"), allow(dead_code, unreachable_pub))]
 #[path = "../migrations/mod.rs"]
 mod migrations;
@@ -49,6 +58,7 @@ mod progress;
 #[cfg(feature = "render")]
 pub mod render;
 #[cfg(feature = "serve")]
+#[doc(hidden)]
 pub mod serve;
 pub mod space;
 #[cfg_attr(not(feature = "unstable-internals"), allow(dead_code, unreachable_pub, unused_imports))]
@@ -62,17 +72,18 @@ mod texture_id;
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-#[cfg(feature = "fuzz")]
+#[cfg(all(feature = "fuzz", feature = "archives"))]
 #[doc(hidden)]
 pub use database::fuzz_list;
 pub use database::{
-    Added, Answer, AxisReport, BackupReport, BlockOf, Catalogue, Combine, ContentHash, DEFAULT_SPACE,
-    DUPLICATE_DISTANCE, Database, DriftReport, ExportReport, Hit, ImportReport, Listed, Meta, MomentStatistics,
-    NearPair, NuisanceUpdate, OpenOptions, Order, PairExplanation, Prepared, Quarantined, Query, ReindexOptions,
-    ReindexReport, RepairOptions, RepairReport, Selection, SettingsReport, SpaceReport, StatisticsReport, TagValues,
-    Texture, TextureMap, TexturePoint, TexturesExportReport, TexturesImportReport, UnknownCombine, VerifyReport,
-    arrays,
+    Added, Answer, AxisReport, BackupReport, BlockOf, Catalogue, CatalogueEntry, CatalogueOrder, CatalogueQuery,
+    Combine, ContentHash, DEFAULT_SPACE, DUPLICATE_DISTANCE, Database, DescribedVolume, DriftReport, ExportReport, Hit,
+    ImportReport, Meta, MomentStatistics, NearPair, NuisanceUpdate, OpenOptions, PairExplanation, ParseCombineError,
+    PreparedTexture, QuarantinedTexture, Query, ReindexOptions, ReindexReport, RepairOptions, RepairReport,
+    SettingsReport, SpaceReport, StatisticsReport, TagValues, Texture, TextureMap, TexturePoint, VerifyReport, arrays,
 };
+#[cfg(feature = "archives")]
+pub use database::{ArchiveExportReport, ArchiveImportReport};
 pub use describe::{describe, octant_sums};
 pub use error::{Error, ExampleKind, ExchangeError, Hint, IngestError, MaintenanceError, QueryError, chain};
 pub use hlac;
@@ -83,9 +94,10 @@ pub use progress::Progress;
 #[cfg(feature = "fuzz")]
 #[doc(hidden)]
 pub use store::fuzz::values as fuzz_values;
+#[doc(hidden)]
+pub use store::panic_is_contained;
 pub use store::{
     CompactReport, Cut, Damage, DamageKey, OpenError, Provenance, RecordedMapping, StoreError, TableSize, Volumes,
-    panic_is_contained,
 };
 pub use tags::{ParseTagFilterError, TagEdit, TagFilter};
 pub use texture_id::TextureId;

@@ -1,7 +1,7 @@
-//! The list of all textures in memory, for whoever pages, sorts and searches it many times: a page, a program.
+//! [`Catalogue`]: the list of all textures in memory, to page through, sort and search many times.
 //!
-//! A [`Catalogue`] is one state of the store and never changes. [`Database::catalogue`] gives the newest one and reads the
-//! store again only where it has changed.
+//! A catalogue is of one revision of the store and never changes. [`Database::catalogue`](crate::Database::catalogue)
+//! returns the newest one, and reads the store again only if it has changed.
 
 use std::collections::{BTreeMap, HashSet, VecDeque};
 use std::sync::{Arc, Mutex, OnceLock};
@@ -16,25 +16,26 @@ use crate::store::{Reads, Record, Snapshot, StoreError};
 use crate::volume::{Shape, natural_cmp};
 use crate::{TagFilter, TextureId};
 
-/// A texture as a list shows it.
+/// A texture in a [`Catalogue`].
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "serve", derive(utoipa::ToSchema))]
-pub struct Listed {
+#[non_exhaustive]
+pub struct CatalogueEntry {
     /// Its id.
     #[cfg_attr(feature = "serve", schema(value_type = u64))]
     pub id: TextureId,
     /// Its name.
     pub name: Box<str>,
-    /// Axis lengths (Z, Y, X); `None` where only moments were imported.
+    /// Axis lengths (Z, Y, X) in voxels; `None` if only moments were imported.
     #[cfg_attr(feature = "serve", schema(value_type = Option<[usize; 3]>))]
     pub shape: Option<Shape>,
-    /// 1 (grey) or 3 (RGB); 0 where that is not known.
+    /// 1 (grey) or 3 (RGB); 0 if only moments were imported.
     pub channels: u8,
-    /// Key and value, ascending by key; a JSON object.
+    /// Key and value, ascending by key. Serialised as a JSON object.
     #[serde(serialize_with = "as_map")]
     #[cfg_attr(feature = "serve", schema(value_type = BTreeMap<String, String>))]
     pub tags: Vec<(Arc<str>, Arc<str>)>,
-    /// Whether its voxels are kept.
+    /// Whether its voxels are stored.
     pub voxels: bool,
     /// The identity of its content.
     #[serde(skip)]
@@ -45,7 +46,7 @@ fn as_map<S: Serializer>(tags: &[(Arc<str>, Arc<str>)], serializer: S) -> Result
     serializer.collect_map(tags.iter().map(|(key, value)| (&**key, &**value)))
 }
 
-impl Listed {
+impl CatalogueEntry {
     /// The value of a tag.
     pub fn tag(&self, key: &str) -> Option<&str> {
         self.tags.iter().find(|(other, _)| **other == *key).map(|(_, value)| &**value)
@@ -55,59 +56,93 @@ impl Listed {
         self.shape.map_or(0, |shape| shape.iter().map(|&side| side as u128).product())
     }
 
-    /// Whether the name or the value of a tag contains the text, which is in lower case.
+    /// Whether the name or the value of a tag contains `text`, which is in lower case.
     fn contains(&self, text: &str) -> bool {
-        let within = |word: &str| word.to_lowercase().contains(text);
-        within(&self.name) || self.tags.iter().any(|(_, value)| within(value))
+        let matches = |word: &str| word.to_lowercase().contains(text);
+        matches(&self.name) || self.tags.iter().any(|(_, value)| matches(value))
     }
 }
 
-/// By what a list is ordered; where that is equal, by id.
+/// The order of a selection. Ties are in order of ids.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Order {
-    /// By id: the order in which textures came.
+#[non_exhaustive]
+pub enum CatalogueOrder {
+    /// By id, the order in which textures were added.
     #[default]
     Id,
-    /// By name, numbers in it by their value.
+    /// By name, in which numbers are compared by their value.
     Name,
     /// By the number of voxels.
     Size,
 }
 
-/// Which textures of a catalogue, and in which order.
+/// Which textures of a catalogue are selected, and in which order. The default is all, by ascending id.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Selection {
-    /// Conditions that must all hold.
-    pub filters: Vec<TagFilter>,
-    /// A part of the name or of a tag's value, in upper or lower case; everything where it is empty.
-    pub text: String,
-    /// By what the list is ordered.
-    pub order: Order,
-    /// The other way round, ids included.
-    pub descending: bool,
+pub struct CatalogueQuery {
+    filters: Vec<TagFilter>,
+    text: String,
+    order: CatalogueOrder,
+    descending: bool,
 }
 
-/// The values of a tag, and how many textures carry each.
+impl CatalogueQuery {
+    /// All textures, by ascending id.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Only textures for which all of these conditions hold as well.
+    #[must_use]
+    pub fn filters(mut self, filters: impl IntoIterator<Item = TagFilter>) -> Self {
+        self.filters.extend(filters);
+        self
+    }
+
+    /// Only textures whose name, or the value of one of whose tags, contains this text. Case and white space around it are
+    /// ignored; an empty text matches all.
+    #[must_use]
+    pub fn text(mut self, text: impl Into<String>) -> Self {
+        self.text = text.into();
+        self
+    }
+
+    /// The order.
+    #[must_use]
+    pub fn order(mut self, order: CatalogueOrder) -> Self {
+        self.order = order;
+        self
+    }
+
+    /// Reverses the order, ties included.
+    #[must_use]
+    pub fn descending(mut self, descending: bool) -> Self {
+        self.descending = descending;
+        self
+    }
+}
+
+/// The values of a tag, with the number of textures that have each.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct TagValues {
-    /// The tag's key.
+    /// The key of the tag.
     pub key: Arc<str>,
-    /// Value and number of textures, by falling number and then by value.
+    /// Value and number of textures, by descending number, then by value.
     pub values: Vec<(Arc<str>, u64)>,
 }
 
-/// So many selections are remembered: paging through a list sorts and searches once.
-const REMEMBERED: usize = 16;
+/// The number of cached results: paging through a list sorts and searches once.
+const CACHED_QUERIES: usize = 16;
 
-/// Every texture of one state of the store.
+/// All textures of one revision of the store.
 #[derive(Debug)]
 pub struct Catalogue {
     pub(crate) revision: u64,
     /// By ascending id.
-    textures: Vec<Listed>,
+    textures: Vec<CatalogueEntry>,
     tags: OnceLock<Vec<TagValues>>,
-    selected: Mutex<VecDeque<(Selection, Arc<[u32]>)>>,
-    /// When it was begun, and how long it took.
+    selected: Mutex<VecDeque<(CatalogueQuery, Arc<[u32]>)>>,
+    /// When reading it began, and how long it took.
     began: Instant,
     cost: Duration,
 }
@@ -115,12 +150,12 @@ pub struct Catalogue {
 impl Catalogue {
     pub(crate) fn read(snapshot: &Snapshot) -> Result<Self, Error> {
         let began = Instant::now();
-        let mut words = Words::default();
+        let mut words = SharedWords::default();
         let mut textures = Vec::with_capacity(usize::try_from(snapshot.counts().textures).unwrap_or(0).min(1 << 20));
         for record in snapshot.records() {
             match record {
-                Ok(record) => textures.push(words.listed(record)),
-                Err(StoreError::Damage(damage)) => tracing::warn!(%damage, "a texture is left out of the list"),
+                Ok(record) => textures.push(words.entry(record)),
+                Err(StoreError::Damage(damage)) => tracing::warn!("{damage}: the texture is left out of the catalogue"),
                 Err(error) => return Err(error.into()),
             }
         }
@@ -128,27 +163,27 @@ impl Catalogue {
         Ok(Self { revision: snapshot.revision(), textures, tags, selected, began, cost: began.elapsed() })
     }
 
-    /// The revision of the store that this is.
+    /// The revision of the store.
     pub fn revision(&self) -> u64 {
         self.revision
     }
 
     /// Every texture, by ascending id.
-    pub fn textures(&self) -> &[Listed] {
+    pub fn textures(&self) -> &[CatalogueEntry] {
         &self.textures
     }
 
     /// One texture.
-    pub fn get(&self, id: impl Into<TextureId>) -> Option<&Listed> {
+    pub fn get(&self, id: impl Into<TextureId>) -> Option<&CatalogueEntry> {
         let id = id.into();
-        let place = self.textures.binary_search_by_key(&id, |texture| texture.id).ok()?;
-        self.textures.get(place)
+        let position = self.textures.binary_search_by_key(&id, |texture| texture.id).ok()?;
+        self.textures.get(position)
     }
 
-    /// The places in [`Catalogue::textures`] of those that are asked for, in order.
+    /// The positions in [`Catalogue::textures`] of the selected textures, in the order of the selection.
     ///
     /// ```
-    /// use hlacdb::{Database, Meta, Order, Selection, volume::Volume};
+    /// use hlacdb::{CatalogueOrder, CatalogueQuery, Database, Meta, volume::Volume};
     /// # let folder = tempfile::tempdir()?;
     /// let database = Database::open(folder.path().join("textures.hlacdb"))?;
     /// for step in [10, 9] {
@@ -156,40 +191,41 @@ impl Catalogue {
     ///     database.add(&stripes, Meta::named(format!("stripes {step}")))?;
     /// }
     /// let catalogue = database.catalogue(0)?;
-    /// let by_name = Selection { text: "STRIPES".into(), order: Order::Name, ..Selection::default() };
+    /// let by_name = CatalogueQuery::new().text("STRIPES").order(CatalogueOrder::Name);
     /// let names: Vec<&str> =
     ///     catalogue.select(&by_name).iter().map(|&at| &*catalogue.textures()[at as usize].name).collect();
     /// assert_eq!(names, ["stripes 9", "stripes 10"]);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn select(&self, selection: &Selection) -> Arc<[u32]> {
-        if let Some((_, places)) = held(self.selected.lock()).iter().find(|(other, _)| other == selection) {
-            return Arc::clone(places);
+    pub fn select(&self, query: &CatalogueQuery) -> Arc<[u32]> {
+        if let Some((_, positions)) = held(self.selected.lock()).iter().find(|(other, _)| other == query) {
+            return Arc::clone(positions);
         }
-        let places: Arc<[u32]> = self.find(selection).into();
+        let positions: Arc<[u32]> = self.find(query).into();
         let mut selected = held(self.selected.lock());
-        selected.truncate(REMEMBERED - 1);
-        selected.push_front((selection.clone(), Arc::clone(&places)));
-        places
+        selected.truncate(CACHED_QUERIES - 1);
+        selected.push_front((query.clone(), Arc::clone(&positions)));
+        positions
     }
 
-    fn find(&self, selection: &Selection) -> Vec<u32> {
-        let text = selection.text.trim().to_lowercase();
-        let wanted = |texture: &Listed| {
-            selection.filters.iter().all(|filter| texture.tag(filter.key()) == Some(filter.value()))
+    fn find(&self, query: &CatalogueQuery) -> Vec<u32> {
+        let text = query.text.trim().to_lowercase();
+        let wanted = |texture: &CatalogueEntry| {
+            query.filters.iter().all(|filter| texture.tag(filter.key()) == Some(filter.value()))
                 && (text.is_empty() || texture.contains(&text))
         };
-        let mut found: Vec<(u32, &Listed)> = (0..).zip(&self.textures).filter(|(_, texture)| wanted(texture)).collect();
-        // The sorts are stable, and the places ascend with the ids.
-        match selection.order {
-            Order::Id => {}
-            Order::Name => found.sort_by(|(_, a), (_, b)| natural_cmp((*a.name).as_ref(), (*b.name).as_ref())),
-            Order::Size => found.sort_by_key(|(_, texture)| texture.voxel_count()),
+        let mut found: Vec<(u32, &CatalogueEntry)> =
+            (0..).zip(&self.textures).filter(|(_, texture)| wanted(texture)).collect();
+        // The sorts are stable, and positions ascend with ids.
+        match query.order {
+            CatalogueOrder::Id => {}
+            CatalogueOrder::Name => found.sort_by(|(_, a), (_, b)| natural_cmp((*a.name).as_ref(), (*b.name).as_ref())),
+            CatalogueOrder::Size => found.sort_by_key(|(_, texture)| texture.voxel_count()),
         }
-        if selection.descending {
+        if query.descending {
             found.reverse();
         }
-        found.into_iter().map(|(place, _)| place).collect()
+        found.into_iter().map(|(position, _)| position).collect()
     }
 
     /// All tags with their values, by ascending key.
@@ -211,31 +247,31 @@ impl Catalogue {
         })
     }
 
-    /// Whether it is new enough that reading the store again is not worth it yet: where reading takes long, a state is
-    /// shown for three times as long, so that a busy writer does not make its readers read all the time.
+    /// Whether it is too new to read the store again: a catalogue that took long to read is used for three times as long
+    /// after that, so that a busy writer does not make its readers read all the time.
     pub(crate) fn is_fresh(&self) -> bool {
         self.cost > Duration::from_millis(2) && self.began.elapsed() < 4 * self.cost
     }
 }
 
-/// Words that many textures share, each kept once.
+/// Keys and values of tags that many textures share, each in memory once.
 #[derive(Default)]
-struct Words(HashSet<Arc<str>>);
+struct SharedWords(HashSet<Arc<str>>);
 
-impl Words {
+impl SharedWords {
     fn shared(&mut self, word: &str) -> Arc<str> {
-        if let Some(known) = self.0.get(word) {
-            return Arc::clone(known);
+        if let Some(shared) = self.0.get(word) {
+            return Arc::clone(shared);
         }
         let word: Arc<str> = word.into();
         self.0.insert(Arc::clone(&word));
         word
     }
 
-    fn listed(&mut self, record: Record) -> Listed {
+    fn entry(&mut self, record: Record) -> CatalogueEntry {
         let tags = record.tags.iter().map(|(key, value)| (self.shared(key), self.shared(value))).collect();
         let content = record.content.as_ref();
-        Listed {
+        CatalogueEntry {
             id: record.id.into(),
             shape: content.and_then(|content| content.volume_shape()),
             channels: content.map_or(0, |content| content.channels),

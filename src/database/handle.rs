@@ -1,4 +1,4 @@
-//! [`Database`]: what a process holds of an open store.
+//! [`Database`]: an open store and what a process keeps of it in memory.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, RwLock};
@@ -29,22 +29,22 @@ use crate::store::{Reads, Store};
 pub struct Database {
     pub(crate) path: PathBuf,
     pub(crate) store: Store,
-    /// The statistics in memory, and the lock that makes writers take turns.
+    /// The statistics in memory. Writers hold the lock, so that they take turns.
     pub(crate) statistics: Mutex<StatisticsCache>,
-    /// The spaces that were queried.
+    /// The spaces that were queried, with their points.
     pub(crate) spaces: LiveSpaces,
     /// Held while points are loaded, so that several threads that need them load them once.
     pub(crate) loading: Mutex<()>,
-    /// The textures that the last filter let through.
+    /// The textures that matched the last filters.
     pub(crate) filters: FilterCache,
-    /// The newest list of textures that was asked for.
+    /// The newest catalogue that was read.
     pub(crate) catalogue: RwLock<Option<Arc<Catalogue>>>,
-    /// Held while a list is read, so that threads that ask at once read it once.
-    pub(crate) listing: Mutex<()>,
+    /// Held while a catalogue is read, so that several threads that need it read it once.
+    pub(crate) reading_catalogue: Mutex<()>,
 }
 
 impl Database {
-    /// Where the store is.
+    /// The path of the store.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -57,7 +57,7 @@ impl Database {
         Ok(self.store().read()?.counts().textures)
     }
 
-    /// True where there is no texture.
+    /// True if there is no texture.
     ///
     /// # Errors
     /// [`Error::Store`].
@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_database_is_shared_by_threads() {
+    fn a_database_can_be_shared_by_threads() {
         fn shared<T: Send + Sync>() {}
         shared::<Database>();
         shared::<Error>();

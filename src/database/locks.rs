@@ -1,6 +1,9 @@
-//! Locks whose content is always whole.
+//! Locks.
 
-/// A lock's content, whether or not a thread panicked while it held it: what it guards is replaced whole, never half.
-pub(crate) fn held<T>(locked: Result<T, std::sync::PoisonError<T>>) -> T {
-    locked.unwrap_or_else(std::sync::PoisonError::into_inner)
+use std::sync::PoisonError;
+
+/// The content of a lock, even if a thread has panicked while it held it: what our locks protect is always replaced as a
+/// whole.
+pub(crate) fn held<T>(locked: Result<T, PoisonError<T>>) -> T {
+    locked.unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,4 +1,4 @@
-//! How a database is opened.
+//! [`OpenOptions`]: how a database is opened and created.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,7 +12,7 @@ use crate::error::Error;
 use crate::hlac::View;
 use crate::store::{OpenError, Settings, Store, StoreOptions, ViewCode, Volumes};
 
-/// How a database is opened, and what a new store is made for.
+/// How a database is opened, and how a new store is created.
 ///
 /// ```no_run
 /// use hlacdb::OpenOptions;
@@ -44,33 +44,34 @@ impl OpenOptions {
     /// ```
     pub const DEFAULT_CACHE_BYTES: usize = StoreOptions::DEFAULT_CACHE_BYTES;
 
-    /// For reading and writing; a store is made where there is none, with the default views and with voxels.
+    /// For reading and writing. A store is created if there is none, with the default views and with voxels.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Only to look at. Any number of processes may do so while one writes, and they follow its commits.
+    /// Opens for reading only. Any number of processes may read while one writes, and they see its commits. The default is
+    /// false.
     #[must_use]
     pub fn read_only(mut self, read_only: bool) -> Self {
         self.read_only = read_only;
         self
     }
 
-    /// Whether a store is made where there is none (not when opened read-only).
+    /// Whether a store is created if there is none. The default is true; a read-only database never creates one.
     #[must_use]
     pub fn create(mut self, create: bool) -> Self {
         self.create = create;
         self
     }
 
-    /// The views that a new store keeps; an existing one keeps its own.
+    /// The views of a new store. An existing store keeps those it was created with.
     #[must_use]
     pub fn views(mut self, views: &[View]) -> Self {
         self.views = views.to_vec();
         self
     }
 
-    /// Whether a new store keeps voxels.
+    /// Whether a new store keeps voxels. An existing store keeps its setting.
     #[must_use]
     pub fn volumes(mut self, volumes: Volumes) -> Self {
         self.volumes = volumes;
@@ -93,7 +94,7 @@ impl OpenOptions {
     pub fn open(&self, path: impl AsRef<Path>) -> Result<Database, Error> {
         let path = path.as_ref();
         let options = self.store_options();
-        let exists = path.try_exists().map_err(|source| Error::file("looking at", path, source))?;
+        let exists = path.try_exists().map_err(|source| Error::file("opening", path, source))?;
         let store = match (exists, self.read_only, self.create) {
             (true, true, _) => options.open_read_only(path)?,
             (true, false, _) => options.open(path)?,
@@ -103,14 +104,14 @@ impl OpenOptions {
         Ok(Self::database(path, store))
     }
 
-    /// Opens the store on a storage backend, or creates one if the backend is empty: for tests of crashes.
+    /// Opens the store in a storage backend, or creates one if the backend is empty. Tests simulate faulty disks in this way.
     ///
     /// # Errors
     /// As [`OpenOptions::open`].
     #[cfg(feature = "unstable-internals")]
     #[doc(hidden)]
     pub fn open_with_backend(&self, backend: impl redb::StorageBackend) -> Result<Database, Error> {
-        let empty = backend.len().map_err(|source| Error::io("looking at the backend", source))? == 0;
+        let empty = backend.len().map_err(|source| Error::io("reading the length of the backend", source))? == 0;
         let options = self.store_options();
         let store = match empty {
             true => options.create_with_backend(backend, &self.settings())?,
@@ -132,7 +133,7 @@ impl OpenOptions {
             loading: Mutex::new(()),
             filters: FilterCache::default(),
             catalogue: RwLock::default(),
-            listing: Mutex::new(()),
+            reading_catalogue: Mutex::new(()),
         }
     }
 
@@ -143,7 +144,8 @@ impl OpenOptions {
 }
 
 impl Database {
-    /// Opens the store at `path` for reading and writing, and makes it where there is none. [`OpenOptions`] has more.
+    /// Opens the store at `path` for reading and writing, and creates it if there is none. [`OpenOptions`] has other ways
+    /// to open it.
     ///
     /// # Errors
     /// [`Error::Open`]: the file is not a store, has a newer or older format, or is open for writing elsewhere.

@@ -1,4 +1,4 @@
-//! Looking at textures.
+//! What is recorded of textures.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -10,7 +10,7 @@ use crate::TextureId;
 use crate::store::{Cut, NewTexture, Provenance, Record, RecordedMapping, path_bytes};
 use crate::volume::{Shape, VolumeSource, display_path};
 
-/// The place of a texture that was cut out of a larger volume.
+/// The position of a texture that was cut from a larger volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct BlockOf {
     /// The first voxel (Z, Y, X) in the larger volume.
@@ -19,23 +19,24 @@ pub struct BlockOf {
     pub shape: Shape,
 }
 
-/// What is said of a texture when it is added: its name, and where it came from.
+/// What is recorded of a texture when it is added: its name, tags and origin.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct Meta {
-    /// The name that answers show; need not be unique.
+    /// The name that answers show. It need not be unique.
     pub name: String,
     /// The file or folder it was read from.
     pub path: Option<PathBuf>,
     /// One value per key.
     pub tags: BTreeMap<String, String>,
-    /// The kind of file, its samples and how they were mapped to 256 levels.
+    /// The file format, the samples and how they were mapped to 256 levels.
     pub source: Option<VolumeSource>,
-    /// Where it was cut from.
+    /// Its position, if it was cut from a larger volume.
     pub block: Option<BlockOf>,
 }
 
 impl Meta {
-    /// A texture of this name.
+    /// A texture with this name.
     pub fn named(name: impl Into<String>) -> Self {
         Self { name: name.into(), ..Self::default() }
     }
@@ -68,7 +69,7 @@ impl Meta {
         self
     }
 
-    /// Sets the place in a larger volume.
+    /// Sets the position in a larger volume.
     #[must_use]
     pub fn block(mut self, block: BlockOf) -> Self {
         self.block = Some(block);
@@ -98,8 +99,9 @@ impl Meta {
     }
 }
 
-/// The identity of a texture's content, written as 64 hexadecimal digits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The hash of a texture's shape, channels and voxels; see [`Volume::content_hash`](crate::volume::Volume::content_hash).
+/// It is written as 64 hexadecimal digits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ContentHash(pub [u8; 32]);
 
 impl fmt::Display for ContentHash {
@@ -114,33 +116,34 @@ impl Serialize for ContentHash {
     }
 }
 
-/// A texture: what is known of it besides its numbers.
+/// What is recorded of a texture: everything but its voxels, sums and moments.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Texture {
     /// Its id.
     pub id: TextureId,
     /// Its name.
     pub name: String,
-    /// Axis lengths (Z, Y, X); `None` where only moments were imported.
+    /// Axis lengths (Z, Y, X) in voxels; `None` if only moments were imported.
     pub shape: Option<Shape>,
-    /// 1 (grey) or 3 (RGB); 0 where that is not known.
+    /// 1 (grey) or 3 (RGB); 0 if only moments were imported.
     pub channels: u8,
     /// One value per key.
     pub tags: BTreeMap<String, String>,
-    /// The identity of its content.
+    /// The hash of its content; `None` if only moments were imported.
     pub content: Option<ContentHash>,
     /// The file or folder it was read from.
-    #[serde(serialize_with = "shown")]
+    #[serde(serialize_with = "path_text")]
     pub path: Option<PathBuf>,
     /// Where its voxels came from.
     pub source: Option<Provenance>,
-    /// Where it was cut from.
+    /// Its position, if it was cut from a larger volume.
     pub block: Option<BlockOf>,
-    /// The compressed size of its voxels; `None` where they are not kept.
+    /// The compressed size of its voxels in bytes; `None` if they are not stored.
     pub stored_bytes: Option<u64>,
 }
 
-fn shown<S: Serializer>(path: &Option<PathBuf>, serializer: S) -> Result<S::Ok, S::Error> {
+fn path_text<S: Serializer>(path: &Option<PathBuf>, serializer: S) -> Result<S::Ok, S::Error> {
     path.as_deref().map(display_path).serialize(serializer)
 }
 

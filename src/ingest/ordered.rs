@@ -1,23 +1,23 @@
-//! Work in parallel, results in order, bounded memory.
+//! Parallel work with results in order and bounded memory.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-/// What the consumer of [`map`] is told.
+/// What the consumer of [`map`] receives.
 pub(crate) enum Next<T> {
     /// The next result, in the order of the items.
     Result(T),
-    /// No result came within the tick.
+    /// No result came within the interval.
     Tick,
 }
 
-/// Maps `items` on the threads of `pool` and hands the results, in the order of the items, to `consume`, which runs on
-/// the calling thread.
+/// Maps `items` on the threads of `pool` and passes the results, in the order of the items, to `consume` on the calling
+/// thread.
 ///
 /// At most `in_flight` items are begun and not yet consumed. `consume` is also called every `tick` while no result
-/// comes. When it breaks, no further item is begun, what is begun is consumed, and the call returns.
+/// comes. If it breaks, no further item is begun, the results of those that were begun are consumed, and the call returns.
 pub(crate) fn map<I, T: Send>(
     pool: &rayon::ThreadPool,
     in_flight: usize,
@@ -48,7 +48,7 @@ pub(crate) fn map<I, T: Send>(
                 Ok((number, Some(result))) => {
                     early.insert(number, result);
                 }
-                // A worker panicked: the scope passes the panic on as soon as it is left.
+                // A worker panicked: the scope propagates the panic when it ends.
                 Ok((_, None)) | Err(RecvTimeoutError::Disconnected) => return,
                 Err(RecvTimeoutError::Timeout) => stopping |= consume(Next::Tick).is_break(),
             }
@@ -60,7 +60,7 @@ pub(crate) fn map<I, T: Send>(
     });
 }
 
-/// Sends the result when it is dropped, so that a worker that panics is noticed and not waited for.
+/// Sends its result when it is dropped, so that nobody waits for a worker that has panicked.
 struct Ticket<T> {
     number: usize,
     result: Option<T>,
@@ -68,7 +68,7 @@ struct Ticket<T> {
 }
 
 impl<T> Ticket<T> {
-    /// Makes the result; it is sent when this returns, or when `make` panics.
+    /// Computes the result. It is sent when this returns, or when `make` panics.
     fn fill(mut self, make: impl FnOnce() -> T) {
         self.result = Some(make());
     }
@@ -76,7 +76,7 @@ impl<T> Ticket<T> {
 
 impl<T> Drop for Ticket<T> {
     fn drop(&mut self) {
-        // The receiver is gone only where the consumer has left already.
+        // The receiver is gone only if the consumer has returned already.
         let _ = self.sender.send((self.number, self.result.take()));
     }
 }
@@ -92,7 +92,7 @@ mod tests {
 
     #[test]
     fn results_come_in_order_and_few_are_in_flight() {
-        let flying = AtomicUsize::new(0);
+        let running = AtomicUsize::new(0);
         let most = AtomicUsize::new(0);
         let mut seen = Vec::new();
         map(
@@ -101,13 +101,13 @@ mod tests {
             Duration::from_secs(1),
             0..200_usize,
             |item| {
-                most.fetch_max(flying.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
+                most.fetch_max(running.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
                 std::thread::sleep(Duration::from_micros((item * 37 % 11 * 50) as u64));
                 item
             },
             |next| {
                 if let Next::Result(item) = next {
-                    flying.fetch_sub(1, Ordering::SeqCst);
+                    running.fetch_sub(1, Ordering::SeqCst);
                     seen.push(item);
                 }
                 ControlFlow::Continue(())
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_break_consumes_what_was_begun_and_begins_no_more() {
+    fn after_a_break_what_was_begun_is_consumed_and_nothing_more_is_begun() {
         let begun = AtomicUsize::new(0);
         let mut seen = 0;
         map(
@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "worker")]
-    fn a_panic_of_a_worker_is_passed_on_and_not_waited_for() {
+    fn a_panic_of_a_worker_is_propagated() {
         let produce = |item: usize| if item == 5 { panic!("worker") } else { item };
         map(&pool(), 2, Duration::from_secs(1), 0..100, produce, |_| ControlFlow::Continue(()));
     }

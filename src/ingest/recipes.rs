@@ -1,4 +1,4 @@
-//! A recipe's textures as files.
+//! The textures of a recipe as files.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -6,27 +6,34 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use crate::arrays;
+use super::report::IngestReport;
+use crate::database::arrays;
 use crate::error::Error;
-use crate::ingest::Report;
 use crate::progress::Progress;
 use crate::synth::{Recipe, Specimen};
 
-/// The kind of file.
+/// The format of the files that [`write_recipe_files`] writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// numpy, `u8`, (Z, Y, X).
+#[non_exhaustive]
+pub enum SpecimenFormat {
+    /// NumPy arrays of `u8`, (Z, Y, X).
     Npy,
-    /// Bare bytes, X fastest.
+    /// Voxels of one byte without a header, X fastest.
     Raw,
 }
 
-/// Writes every texture of a recipe to `folder` (made where there is none), and `textures.csv` with name, file and
-/// tags. A file that is there already is written anew.
+/// Writes every texture of a recipe as a file to `folder`, which is created if there is none, and `textures.csv` with the
+/// name, file and tags of each. Existing files are overwritten. If `progress` cancels, the files written so far stay, and
+/// the report says so.
 ///
 /// # Errors
-/// [`Error::Io`]. Where `progress` cancels, the files written so far stay and the report says so.
-pub fn write_files(recipe: &Recipe, folder: &Path, format: Format, progress: &dyn Progress) -> Result<Report, Error> {
+/// [`Error::Io`].
+pub fn write_recipe_files(
+    recipe: &Recipe,
+    folder: &Path,
+    format: SpecimenFormat,
+    progress: &dyn Progress,
+) -> Result<IngestReport, Error> {
     fs::create_dir_all(folder).map_err(|source| Error::file("making the folder", folder, source))?;
     let specimens = recipe.specimens();
     progress.begin("synthesising", Some(specimens.len() as u64));
@@ -43,26 +50,28 @@ pub fn write_files(recipe: &Recipe, folder: &Path, format: Format, progress: &dy
         .collect::<Result<_, Error>>()?;
     write_index(&specimens, folder, format)?;
     let added = written.iter().filter(|written| **written).count() as u64;
-    Ok(Report { added, cancelled: progress.cancelled(), ..Report::default() })
+    Ok(IngestReport { added, cancelled: progress.cancelled(), ..IngestReport::default() })
 }
 
-fn file_name(specimen: &Specimen, format: Format) -> String {
+fn file_name(specimen: &Specimen, format: SpecimenFormat) -> String {
     match format {
-        Format::Npy => format!("{}.npy", specimen.name),
-        Format::Raw => format!("{}.raw", specimen.name),
+        SpecimenFormat::Npy => format!("{}.npy", specimen.name),
+        SpecimenFormat::Raw => format!("{}.raw", specimen.name),
     }
 }
 
-fn write_file(specimen: &Specimen, folder: &Path, format: Format) -> Result<(), Error> {
+fn write_file(specimen: &Specimen, folder: &Path, format: SpecimenFormat) -> Result<(), Error> {
     let path = folder.join(file_name(specimen, format));
     let volume = specimen.volume();
     match format {
-        Format::Npy => arrays::write_volume(&path, &volume),
-        Format::Raw => fs::write(&path, volume.voxels()).map_err(|source| Error::file("writing", &path, source)),
+        SpecimenFormat::Npy => arrays::write_volume(&path, &volume),
+        SpecimenFormat::Raw => {
+            fs::write(&path, volume.voxels()).map_err(|source| Error::file("writing", &path, source))
+        }
     }
 }
 
-fn write_index(specimens: &[Specimen], folder: &Path, format: Format) -> Result<(), Error> {
+fn write_index(specimens: &[Specimen], folder: &Path, format: SpecimenFormat) -> Result<(), Error> {
     let path = folder.join("textures.csv");
     let failed = |error: csv::Error| Error::file("writing", &path, std::io::Error::other(error));
     let keys: BTreeSet<&String> = specimens.iter().flat_map(|specimen| specimen.tags.keys()).collect();

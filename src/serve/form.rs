@@ -14,7 +14,7 @@ use super::parameters;
 use super::paths::Roots;
 use super::problem::Problem;
 use super::state::App;
-use crate::ingest::Options;
+use crate::ingest::IngestOptions;
 use crate::volume;
 
 /// How many files a form may have.
@@ -93,17 +93,20 @@ impl UploadedForm {
     }
 
     /// How the files are read and tagged, from the fields `tag` (`KEY=VALUE`, repeated), `intensity` and `block`.
-    pub(crate) fn ingest_options(&self, app: &App) -> Result<Options, Problem> {
-        let mut options = Options { reading: parameters::read_options(&app.options), ..Options::default() };
+    pub(crate) fn ingest_options(&self, app: &App) -> Result<IngestOptions, Problem> {
+        let (mut options, mut reading) = (IngestOptions::new(), parameters::read_options(&app.options));
         for (key, value) in &self.fields {
             match key.as_str() {
-                "tag" => options.tags.extend([parameters::tag(value)?]),
-                "intensity" => options.reading.intensity = parameters::intensity(value)?,
-                "block" => options.block = Some(parameters::block_side(value)?),
+                "tag" => {
+                    let (key, value) = parameters::tag(value)?;
+                    options = options.tag(key, value);
+                }
+                "intensity" => reading.intensity = parameters::intensity(value)?,
+                "block" => options = options.block(parameters::block_side(value)?),
                 _ => return Err(unknown_field(key, "file, tag, intensity, block")),
             }
         }
-        Ok(options)
+        Ok(options.reading(reading))
     }
 
     /// The folders of the uploaded files: answers name them as the sender did.

@@ -5,7 +5,7 @@ use std::io;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::tokens::random_token;
-use crate::space::Descriptor;
+use crate::DescribedVolume;
 use crate::volume::Volume;
 
 /// How many uploads are kept.
@@ -19,9 +19,8 @@ pub(crate) struct Upload {
     pub(crate) token: String,
     pub(crate) name: String,
     pub(crate) volume: Arc<Volume>,
-    pub(crate) content: [u8; 32],
-    /// Its descriptor in all views of the store, so that it answers queries in every space.
-    pub(crate) descriptor: Descriptor,
+    /// Its description in all views of the store, so that it answers queries in every space.
+    pub(crate) described: DescribedVolume,
 }
 
 /// The most recently used uploads, most recent first.
@@ -33,9 +32,9 @@ impl UploadCache {
     ///
     /// # Errors
     /// If the operating system gives no random numbers.
-    pub(crate) fn insert(&self, name: String, volume: Volume, descriptor: Descriptor) -> io::Result<Arc<Upload>> {
-        let (token, content) = (random_token()?, volume.content_hash());
-        let upload = Arc::new(Upload { token, name, volume: Arc::new(volume), content, descriptor });
+    pub(crate) fn insert(&self, name: String, volume: Volume, described: DescribedVolume) -> io::Result<Arc<Upload>> {
+        let token = random_token()?;
+        let upload = Arc::new(Upload { token, name, volume: Arc::new(volume), described });
         let mut uploads = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         uploads.push_front(Arc::clone(&upload));
         uploads.truncate(MAX_UPLOADS);
@@ -60,13 +59,15 @@ impl UploadCache {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::space::Descriptor;
 
     #[test]
     fn the_least_recently_used_upload_is_evicted() {
         let cache = UploadCache::default();
         let insert = |name: &str, level: u8| {
             let volume = Volume::new([8; 3], 1, vec![level; 512]).unwrap();
-            cache.insert(name.to_owned(), volume, Descriptor::default()).unwrap()
+            let described = DescribedVolume::new(&volume, Descriptor::default());
+            cache.insert(name.to_owned(), volume, described).unwrap()
         };
         let (first, second) = (insert("first", 0), insert("second", 1));
         for level in 2..MAX_UPLOADS as u8 {

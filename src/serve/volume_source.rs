@@ -40,7 +40,7 @@ impl VolumeSource {
     /// An upload.
     pub(crate) fn upload(app: &App, token: &str) -> Result<Self, Problem> {
         let upload = find_upload(app, token)?;
-        Ok(Self { content: upload.content, location: Location::Memory(Arc::clone(&upload.volume)) })
+        Ok(Self { content: upload.described.content().0, location: Location::Memory(Arc::clone(&upload.volume)) })
     }
 
     /// The voxels, from the cache if it has them.

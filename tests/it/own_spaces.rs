@@ -96,7 +96,7 @@ fn declared_nuisances_matter_less_afterwards() {
     let folder = tempfile::tempdir().unwrap();
     let database = store(folder.path(), "nuisance.hlacdb", Volumes::Keep);
     let noise: synth::Nuisance = "noise".parse().unwrap();
-    let learn = |nuisance| ReindexOptions { nuisance, ..ReindexOptions::default() };
+    let learn = |nuisance| ReindexOptions::new().nuisance(nuisance);
     let apart = || {
         // How far noisy copies are from their textures, by how far textures are from one another.
         let distance =

@@ -1,6 +1,6 @@
 //! Real volumes, end to end.
 
-use hlacdb::ingest::{Options, ingest};
+use hlacdb::ingest::{IngestOptions, ingest};
 use hlacdb::{Database, Query};
 
 use hlacdb_testing::data;
@@ -13,8 +13,7 @@ fn blocks_of_a_source_find_blocks_of_the_same_source() {
     let folder = tempfile::tempdir().unwrap();
     let database = Database::open(folder.path().join("real.hlacdb")).unwrap();
     for (name, path) in sources.iter().zip(&paths) {
-        let mut options = Options { block: Some(64), ..Options::default() };
-        options.tags.insert("source".into(), (*name).into());
+        let options = IngestOptions::new().block(64).tag("source", *name);
         let report = ingest(&database, std::slice::from_ref(path), &options, &(), &mut |_| ()).unwrap();
         assert!(report.failed.is_empty(), "{:?}", report.failed);
         if name.starts_with("ketton") {

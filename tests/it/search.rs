@@ -223,11 +223,11 @@ fn a_distance_alone_has_no_ceiling_and_a_slip_of_the_pen_is_told() {
     assert_eq!(database.query(&Query::texture(1).within(10.0)).unwrap().hits.len(), 40);
     assert_eq!(database.query(&Query::texture(1).within(10.0).k(3)).unwrap().hits.len(), 3);
     let slip = database.query(&Query::texture(1).filter("tt", "a")).unwrap();
-    assert!(slip.hits.is_empty() && slip.warnings[0].contains("'tt'") && slip.warnings[0].contains("the tags: t"));
+    assert!(slip.hits.is_empty() && slip.warnings[0].contains("'tt'") && slip.warnings[0].contains("the tags are: t"));
     let none = database.query(&Query::texture(1).filter("t", "b")).unwrap();
     assert!(
         none.hits.is_empty()
-            && none.warnings[0].contains("no texture carries t=b")
+            && none.warnings[0].contains("no texture has the tag t=b")
             && none.warnings[0].ends_with(": a")
     );
 

@@ -8,7 +8,7 @@ use clap::Args;
 use hlacdb::render::{self, ContactSheetOptions};
 use hlacdb::synth::{Recipe, Specimen};
 use hlacdb::volume::{Volume, VolumeSource, display_path};
-use hlacdb::{Database, Meta, OpenOptions, Progress, Query, arrays, eval};
+use hlacdb::{Database, Meta, OpenOptions, Progress, Query, eval};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -70,7 +70,12 @@ impl Demo {
             self.earlier_times()
         } else {
             let Some(times) = build(&database, &recipe, &progress)? else { return Ok(Outcome::Partly) };
-            arrays::write_text(&self.times_path(), &serde_json::to_string_pretty(&times)?)?;
+            let (path, text) = (self.times_path(), serde_json::to_string_pretty(&times)?);
+            std::fs::write(&path, text).map_err(|source| hlacdb::Error::Io {
+                doing: "writing",
+                path: Some(path.clone()),
+                source,
+            })?;
             Some(times)
         };
         let query_us = query_all(&database, &progress)?;

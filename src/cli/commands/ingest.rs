@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use hlacdb::Database;
-use hlacdb::ingest::{self, Event, Options, Report, Status};
+use hlacdb::ingest::{self, IngestEvent, IngestOptions, IngestReport, IngestStatus};
 use hlacdb::volume::display_path;
 
 use crate::cli::arguments::{ReadArguments, TagArguments};
@@ -68,17 +68,17 @@ impl Ingest {
             let message = format!("{}: no such file or folder; no store was created", paths.join(", "));
             return Err(Failure::message(message));
         }
-        let (paths, stream) = (self.paths.clone(), self.stream);
+        let (paths, stream, tagged) = (self.paths.clone(), self.stream, !self.tags.is_empty());
         let options = self.options()?;
         let database = context.open_or_create()?;
         let progress = TerminalProgress::new(context)?;
         let start = Instant::now();
         let mut broken_pipe = None;
-        let report = ingest::ingest(&database, &paths, &options, &progress, &mut |event: &Event| {
+        let report = ingest::ingest(&database, &paths, &options, &progress, &mut |event: &IngestEvent| {
             if stream && broken_pipe.is_none() {
                 broken_pipe = print_line(context, event).err();
             }
-            if let (Status::Failed, Some(error), false) = (event.status, &event.error, stream) {
+            if let (IngestStatus::Failed, Some(error), false) = (event.status, &event.error, stream) {
                 eprintln!("hlacdb: {}", Advice::on(error).line());
             }
         })?;
@@ -89,7 +89,7 @@ impl Ingest {
         if context.json && !stream {
             context.print_json(&report)?;
         }
-        print_notes(context, &database, &report, !options.tags.is_empty())?;
+        print_notes(context, &database, &report, tagged)?;
         let size = std::fs::metadata(&context.store).map(|file| file.len()).unwrap_or(0);
         context.note(&format!(
             "{} added, {} already stored, {} failed, in {}{}; the store holds {} in {}",
@@ -104,23 +104,24 @@ impl Ingest {
         Ok(if report.failed.is_empty() && !report.cancelled { Outcome::Done } else { Outcome::Partly })
     }
 
-    fn options(self) -> Result<Options, Failure> {
-        Ok(Options {
-            reading: self.reading.options(),
-            tags: self.tags.map()?,
-            block: self.block.map(|side| side as usize),
-            jobs: self.jobs.map(|jobs| jobs as usize),
-            within: None,
-            volumes: match self.volumes {
-                Volumes::Keep => hlacdb::Volumes::Keep,
-                Volumes::None => hlacdb::Volumes::None,
-            },
-        })
+    fn options(self) -> Result<IngestOptions, Failure> {
+        let volumes = match self.volumes {
+            Volumes::Keep => hlacdb::Volumes::Keep,
+            Volumes::None => hlacdb::Volumes::None,
+        };
+        let mut options = IngestOptions::new().reading(self.reading.options()).tags(self.tags.map()?).volumes(volumes);
+        if let Some(side) = self.block {
+            options = options.block(side as usize);
+        }
+        if let Some(jobs) = self.jobs {
+            options = options.jobs(jobs as usize);
+        }
+        Ok(options)
     }
 }
 
 /// What the user should know besides the numbers.
-fn print_notes(context: &Context, database: &Database, report: &Report, tagged: bool) -> Result<(), Failure> {
+fn print_notes(context: &Context, database: &Database, report: &IngestReport, tagged: bool) -> Result<(), Failure> {
     if report.ids.is_empty() && report.failed.is_empty() && !report.cancelled {
         context.note("no volume was found");
     }
@@ -142,7 +143,7 @@ fn print_notes(context: &Context, database: &Database, report: &Report, tagged: 
 }
 
 /// Prints one line and flushes it, so that its reader can rely on the texture being durable.
-fn print_line(context: &mut Context, event: &Event) -> Result<(), Failure> {
+fn print_line(context: &mut Context, event: &IngestEvent) -> Result<(), Failure> {
     context.print_json(event)?;
     Ok(context.out().flush()?)
 }

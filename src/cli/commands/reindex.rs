@@ -45,7 +45,7 @@ impl Reindex {
         let progress = TerminalProgress::new(context)?;
         let (start, before) = (Instant::now(), size(&database));
         let report = database.reindex(
-            &hlacdb::ReindexOptions { reextract: self.reextract, nuisance: self.nuisance.unwrap_or_default() },
+            &hlacdb::ReindexOptions::new().reextract(self.reextract).nuisance(self.nuisance.unwrap_or_default()),
             &progress,
         )?;
         if size(&database) > before + before / 4 {

@@ -35,7 +35,7 @@ pub(crate) struct Repair {
 impl Repair {
     pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
         let progress = TerminalProgress::new(context)?;
-        let options = RepairOptions { deep: self.deep, check_only: self.check };
+        let options = RepairOptions::new().deep(self.deep).check_only(self.check);
         let report = Database::repair(&context.store, &options, &progress)?;
         drop(progress);
         if context.json {

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
-use hlacdb::ingest;
-use hlacdb::ingest::recipes::{self, Format};
+use hlacdb::ingest::{self, SpecimenFormat};
 use hlacdb::synth::{Nuisance, Recipe, builtin_names};
 use hlacdb::volume::display_path;
 
@@ -58,14 +57,14 @@ impl Synth {
         let report = match &self.out {
             Some(folder) => {
                 let format = match self.format {
-                    FileFormat::Npy => Format::Npy,
-                    FileFormat::Raw => Format::Raw,
+                    FileFormat::Npy => SpecimenFormat::Npy,
+                    FileFormat::Raw => SpecimenFormat::Raw,
                 };
-                recipes::write_files(&recipe, folder, format, &progress)?
+                ingest::write_recipe_files(&recipe, folder, format, &progress)?
             }
             None => {
                 let database = context.open_or_create()?;
-                ingest::synthesise(&database, &recipe, &progress, &mut |_| ())?
+                ingest::ingest_recipe(&database, &recipe, &progress, &mut |_| ())?
             }
         };
         drop(progress);

@@ -1,5 +1,7 @@
-//! What goes out of a store and comes in: arrays of moments, archives of whole textures.
+//! What leaves a store and enters it besides volumes: arrays of moments and points, and archives of whole textures.
 
+#[cfg(feature = "archives")]
+pub(crate) mod archive;
 pub mod arrays;
+mod graph;
 pub(crate) mod moments;
-pub(crate) mod textures;

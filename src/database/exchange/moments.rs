@@ -1,4 +1,4 @@
-//! Descriptors in and out, as arrays.
+//! Exporting and importing moments and points as arrays.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -21,48 +21,54 @@ use crate::volume::display_path;
 
 /// What [`Database::export`] wrote.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ExportReport {
-    /// Rows of each file.
+    /// The number of rows of each file.
     pub textures: u64,
-    /// The files.
+    /// The paths of the files.
     pub files: Vec<String>,
 }
 
 /// What [`Database::import`] added.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ImportReport {
-    /// Textures added.
+    /// The number of textures that were added.
     pub added: u64,
-    /// The first and the last id, where any was added.
+    /// The first and the last id; `None` if no texture was added.
     pub ids: Option<(TextureId, TextureId)>,
 }
 
-/// So many rows are added in one transaction.
+/// The number of rows that are added in one transaction.
 const IMPORT_ROWS: usize = 16 * 1024;
 
 impl Database {
-    /// Writes `moments.npy` (N, 251: the moments of `full@1`), `points.npy` (N, P: the points of the default space) and
-    /// `textures.csv` (row, id, name, shape, path, a column per tag) to `folder`, which is made where there is none. Rows are
-    /// in id order and the same in all three. A texture without moments or point has NaN there. With `graph`, the so many
-    /// nearest neighbours of every texture in the default space as well: `graph.npy` (N, K), their ids (`i64`, nearest first,
-    /// ties by id, itself left out; -1 where there are fewer), and `graph_distances.npy` (N, K), their distances (`f64`; NaN
-    /// there).
+    /// Writes moments and points to files in `folder`, which is created if there is none. Rows are in id order, and the same in
+    /// all files:
+    ///
+    /// | file | shape | content |
+    /// |---|---|---|
+    /// | `moments.npy` | (N, 251) | `f32` moments of `full@1`; NaN if the texture has none |
+    /// | `points.npy` | (N, P) | `f32` points in the default space; NaN if the texture has none |
+    /// | `textures.csv` | | row, id, name, shape, path and a column per tag |
+    /// | `graph.npy` | (N, K) | with `graph`: `i64` ids of the K nearest neighbours in the default space, nearest first, ties by id, without the texture itself; -1 if there are fewer |
+    /// | `graph_distances.npy` | (N, K) | with `graph`: their `f64` distances; NaN if there are fewer |
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Store`], [`Error::Cancelled`].
     pub fn export(&self, folder: &Path, graph: Option<usize>, progress: &dyn Progress) -> Result<ExportReport, Error> {
-        let made = std::fs::create_dir_all(folder);
-        made.map_err(|source| Error::file("making the folder", folder, source))?;
+        let created = std::fs::create_dir_all(folder);
+        created.map_err(|source| Error::file("creating the folder", folder, source))?;
         let snapshot = self.store().read()?;
         let state = self.state(&snapshot, DEFAULT_SPACE)?;
         let rows = snapshot.rows()?;
         let live: Vec<(usize, u64)> = rows.live().collect();
         progress.begin("exporting", Some(live.len() as u64));
 
-        let recipe = FeatureSet::plain();
+        let feature_set = FeatureSet::plain();
         let mut moments = NpyRows::create(&folder.join("moments.npy"), &[live.len(), MASK_COUNT])?;
         let mut points = NpyRows::create(&folder.join("points.npy"), &[live.len(), state.owner.space.dims()])?;
-        let nothing = vec![f32::NAN; state.owner.space.dims()];
+        let no_point = vec![f32::NAN; state.owner.space.dims()];
         let mut block = None;
         for &(row, id) in &live {
             let number = (row / DESCRIPTOR_ROWS) as u32;
@@ -70,11 +76,11 @@ impl Database {
                 if progress.cancelled() {
                     return Err(Error::Cancelled);
                 }
-                block = Some((number, BlockMoments::read(&snapshot, &recipe, number)?));
+                block = Some((number, BlockMoments::read(&snapshot, &feature_set, number)?));
             }
-            let kept = block.as_ref().and_then(|(_, block)| block.row(View::Full, row % DESCRIPTOR_ROWS));
-            moments.push(kept.unwrap_or(&[f32::NAN; MASK_COUNT]))?;
-            points.push(state.index.points().point(id).unwrap_or(&nothing))?;
+            let stored = block.as_ref().and_then(|(_, block)| block.row(View::Full, row % DESCRIPTOR_ROWS));
+            moments.push(stored.unwrap_or(&[f32::NAN; MASK_COUNT]))?;
+            points.push(state.index.points().point(id).unwrap_or(&no_point))?;
             progress.advance(1);
         }
         moments.finish()?;
@@ -88,14 +94,15 @@ impl Database {
         Ok(ExportReport { textures: live.len() as u64, files })
     }
 
-    /// Adds the descriptors of a numpy array (N, 251 V), the moments of `views` side by side in their order, as textures
-    /// without voxels. `names` is a text file with a name per line; without it the rows are named by file and number.
-    /// Streams: memory does not grow with the array.
+    /// Adds textures without voxels from an array of moments, as [`MomentRows`] reads it. `views` are the views of the array,
+    /// in the order of its columns, and must be those of the store. `names` is a text file with a name per line; without it,
+    /// textures are named by file and row.
     ///
-    /// The rows go in by transactions of 16384; where an error or cancelling stops it, what was committed stays.
+    /// Rows are added in transactions of 16384, so that memory does not grow with the array. If an error occurs or `progress`
+    /// cancels, rows that were committed stay.
     ///
     /// # Errors
-    /// [`ExchangeError::Array`], [`Error::Space`] for what is no moment, [`ExchangeError::Views`] where the store keeps other
+    /// [`ExchangeError::Array`]; [`Error::Space`] if a value is not a moment; [`ExchangeError::Views`] if the store keeps other
     /// views than those.
     pub fn import(
         &self,
@@ -105,9 +112,9 @@ impl Database {
         tags: &BTreeMap<String, String>,
         progress: &dyn Progress,
     ) -> Result<ImportReport, Error> {
-        let kept = Scheme::of(&self.store().read()?);
-        if kept.views().len() != views.len() || !kept.views().iter().all(|view| views.contains(view)) {
-            let (path, found, stored) = (moments.to_owned(), views.to_vec(), kept.views().to_vec());
+        let scheme = Scheme::of(&self.store().read()?);
+        if scheme.views().len() != views.len() || !scheme.views().iter().all(|view| views.contains(view)) {
+            let (path, found, stored) = (moments.to_owned(), views.to_vec(), scheme.views().to_vec());
             return Err(ExchangeError::Views { path, found, stored }.into());
         }
         let mut rows = MomentRows::open_views(moments, views.len())?;
@@ -116,10 +123,10 @@ impl Database {
         let codes: Vec<ViewCode> = views.iter().map(|view| ViewCode(view.code())).collect();
         progress.begin("importing", Some(rows.len()));
         let mut report = ImportReport { added: 0, ids: None };
-        let together = (IMPORT_ROWS / views.len().max(1)).max(1);
+        let batch_rows = (IMPORT_ROWS / views.len().max(1)).max(1);
         while !rows.is_empty() && !progress.cancelled() {
-            let mut batch = Vec::with_capacity(together);
-            for row in rows.by_ref().take(together) {
+            let mut batch = Vec::with_capacity(batch_rows);
+            for row in rows.by_ref().take(batch_rows) {
                 let descriptors = codes.iter().copied().zip(row?).collect();
                 batch.push(NewTexture {
                     name: names.next()?,
@@ -136,8 +143,8 @@ impl Database {
             progress.advance(ids.len() as u64);
         }
         if report.added > IMPORT_ROWS as u64 {
-            // The file grows by doubling; what an import leaves empty at its end is given back. A reader that holds a
-            // state open hinders that, and nothing else: `compact` may be run later.
+            // The file grows by doubling: the empty space at its end is returned. Only a reader of an older state prevents
+            // that, and the store can be compacted later.
             if let Err(error) = self.compact(progress) {
                 tracing::info!(%error, "the store was not compacted after the import");
             }
@@ -146,7 +153,7 @@ impl Database {
     }
 }
 
-/// The names of imported rows: the lines of a file, or a stem and a number.
+/// The names of imported rows: the lines of a file, or the stem of the array's file with the number of the row.
 struct Names {
     lines: Option<(PathBuf, std::io::Lines<BufReader<File>>)>,
     stem: String,

@@ -1,7 +1,6 @@
-//! Fitting: when and how the spaces of a store are fitted on its statistics.
+//! Fitting spaces on everything in a store, and changing which spaces there are.
 
 pub(crate) mod nuisance;
 pub(crate) mod rebuild;
 pub(crate) mod reindex;
-pub(crate) mod spaces;
 pub(crate) mod user_spaces;

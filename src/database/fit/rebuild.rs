@@ -1,10 +1,10 @@
-//! Statistics, sums and moments from nothing: what reindexing with `reextract` and repairing do.
+//! Recomputing statistics, sums and moments: what reindexing and repair do.
 
 use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
-use crate::database::points::contributions::{contributions, contributions_of_moments, full_sums, with_full};
+use crate::database::points::contributions::{contributions, contributions_from_moments, describe, full_sums};
 use crate::database::points::statistics_cache::StatisticsCache;
 use crate::database::scheme::Scheme;
 use crate::error::Error;
@@ -14,36 +14,29 @@ use crate::space::{Contribution, Descriptor, Statistics};
 use crate::store::{Reads, StoreError, Transaction, ViewCode};
 use crate::volume::Volume;
 
-/// Which textures are written anew while statistics are rebuilt.
-pub(crate) enum Rewrite<'a> {
-    /// All whose voxels are kept.
+/// Whether sums and moments are written when statistics are rebuilt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Rewrite {
+    /// Those of all textures whose voxels are stored.
     All,
-    /// These, where their voxels are whole.
-    These(&'a BTreeSet<u64>),
+    /// None.
+    Nothing,
 }
 
-impl Rewrite<'_> {
-    fn includes(&self, id: u64) -> bool {
-        match self {
-            Self::All => true,
-            Self::These(ids) => ids.contains(&id),
-        }
-    }
-}
-
-/// A texture's voxels described: sums, moments by view, and what it adds to the statistics.
+/// What the voxels of a texture give.
 struct Recomputed {
     sums: Option<Sums>,
     moments: Vec<(ViewCode, Option<[f32; MASK_COUNT]>)>,
-    parts: Vec<Contribution>,
+    contributions: Vec<Contribution>,
 }
 
 impl Recomputed {
-    fn of(volume: &Volume, views: &Scheme) -> Result<Self, Error> {
-        let described = crate::describe(volume, &with_full(views.views()));
+    fn of(volume: &Volume, scheme: &Scheme) -> Result<Self, Error> {
+        let described = describe(volume, scheme);
         let descriptor = Descriptor::from_sums(&described)?;
-        let moments = views.views().iter().map(|&view| (ViewCode(view.code()), descriptor.get(view).copied()));
-        Ok(Self { sums: full_sums(&described), moments: moments.collect(), parts: contributions(&described, views)? })
+        let moments = |&view: &View| (ViewCode(view.code()), descriptor.get(view).copied());
+        let moments = scheme.views().iter().map(moments).collect();
+        Ok(Self { sums: full_sums(&described), moments, contributions: contributions(&described, scheme)? })
     }
 
     fn write(&self, transaction: &mut Transaction, id: u64) -> Result<(), Error> {
@@ -55,11 +48,14 @@ impl Recomputed {
     }
 }
 
-/// So many voxels are in memory at once, at most, unless one volume has more.
-const VOXELS_AT_ONCE: u64 = 1 << 28;
+/// The most voxels in memory at once, unless one volume has more.
+const MAX_VOXELS: u64 = 1 << 28;
 
-/// Builds the statistics from nothing, and describes textures anew as `rewrite` says: of textures whose voxels are not kept
-/// (or not whole) the moments count as they are, without octants. Returns how many were written anew.
+/// The most textures in memory at once.
+const MAX_TEXTURES: usize = 256;
+
+/// Rebuilds the statistics, and writes sums and moments as `rewrite` says. Textures without intact voxels contribute their
+/// stored moments, without octants. Returns the number of textures that were written.
 ///
 /// Textures are described in parallel and written in the order of their ids.
 ///
@@ -68,12 +64,12 @@ const VOXELS_AT_ONCE: u64 = 1 << 28;
 pub(crate) fn rebuild(
     transaction: &mut Transaction,
     statistics_cache: &mut StatisticsCache,
-    rewrite: &Rewrite<'_>,
+    rewrite: Rewrite,
     progress: &dyn Progress,
 ) -> Result<u64, Error> {
     progress.begin("describing", Some(transaction.counts().textures));
-    let views = Scheme::of(transaction);
-    let mut statistics: Vec<Statistics> = views.recipes().iter().map(Statistics::new).collect();
+    let scheme = Scheme::of(transaction);
+    let mut statistics: Vec<Statistics> = scheme.feature_sets().iter().map(Statistics::new).collect();
     let mut written = 0;
     let ids: Vec<u64> = transaction.rows()?.live().map(|(_, id)| id).collect();
     let mut ids = ids.into_iter().peekable();
@@ -81,26 +77,26 @@ pub(crate) fn rebuild(
         if progress.cancelled() {
             return Err(Error::Cancelled);
         }
-        let some = gather(transaction, &mut ids)?;
-        let described: Vec<(u64, Option<Result<Recomputed, Error>>)> = some
+        let recomputed: Vec<(u64, Option<Result<Recomputed, Error>>)> = next_volumes(transaction, &mut ids)?
             .into_par_iter()
-            .map(|(id, volume)| (id, volume.map(|volume| Recomputed::of(&volume, &views))))
+            .map(|(id, volume)| (id, volume.map(|volume| Recomputed::of(&volume, &scheme))))
             .collect();
-        progress.advance(described.len() as u64);
-        for (id, anew) in described {
-            let parts = match anew.transpose()? {
-                Some(anew) => {
-                    if rewrite.includes(id) {
-                        anew.write(transaction, id)?;
+        progress.advance(recomputed.len() as u64);
+        for (id, recomputed) in recomputed {
+            let contributions = match recomputed.transpose()? {
+                Some(recomputed) => {
+                    if rewrite == Rewrite::All {
+                        recomputed.write(transaction, id)?;
                         written += 1;
                     }
-                    anew.parts
+                    recomputed.contributions
                 }
-                None => contributions_of_moments(transaction, id, &views)?,
+                None => contributions_from_moments(transaction, id, &scheme)?,
             };
-            for part in &parts {
-                if let Some(kept) = statistics.iter_mut().find(|kept| kept.feature_set() == part.feature_set()) {
-                    kept.add(part)?;
+            for contribution in &contributions {
+                let feature_set = contribution.feature_set();
+                if let Some(statistics) = statistics.iter_mut().find(|one| one.feature_set() == feature_set) {
+                    statistics.add(contribution)?;
                 }
             }
         }
@@ -110,46 +106,49 @@ pub(crate) fn rebuild(
 }
 
 /// The next textures with their voxels, as many as may be in memory at once.
-fn gather(transaction: &Transaction, ids: &mut impl Iterator<Item = u64>) -> Result<Vec<(u64, Option<Volume>)>, Error> {
-    let mut some = Vec::new();
+fn next_volumes(
+    transaction: &Transaction,
+    ids: &mut impl Iterator<Item = u64>,
+) -> Result<Vec<(u64, Option<Volume>)>, Error> {
+    let mut volumes = Vec::new();
     let mut voxels = 0;
-    while voxels < VOXELS_AT_ONCE && some.len() < 256 {
+    while voxels < MAX_VOXELS && volumes.len() < MAX_TEXTURES {
         let Some(id) = ids.next() else { break };
-        let volume = whole_voxels(transaction, id)?;
+        let volume = intact_voxels(transaction, id)?;
         voxels += volume.as_ref().map_or(0, |volume| volume.voxels().len() as u64);
-        some.push((id, volume));
+        volumes.push((id, volume));
     }
-    Ok(some)
+    Ok(volumes)
 }
 
-/// A texture's voxels; `None` where they are not kept or not whole.
-pub(crate) fn whole_voxels(state: &impl Reads, id: u64) -> Result<Option<Volume>, Error> {
+/// The voxels of a texture; `None` if they are not stored or damaged.
+fn intact_voxels(state: &impl Reads, id: u64) -> Result<Option<Volume>, Error> {
     match state.voxels(id) {
         Err(StoreError::Damage(damage)) => {
-            tracing::debug!("{damage}: texture {id} counts by the moments that are kept of it");
+            tracing::debug!("{damage}: texture {id} contributes its stored moments");
             Ok(None)
         }
         read => Ok(read?),
     }
 }
 
-/// Describes textures anew from their voxels; of those whose voxels are not whole, the moments of `full@1` come from the sums.
-/// Returns those of which more was lost than that.
-pub(crate) fn describe_anew(
+/// Restores the sums and moments of textures from their voxels. If the voxels are not intact, only the moments of `full@1`
+/// can be restored, from the sums. Returns the textures that have lost something for good.
+pub(crate) fn restore_moments(
     transaction: &mut Transaction,
     ids: &BTreeSet<u64>,
     progress: &dyn Progress,
 ) -> Result<BTreeSet<u64>, Error> {
     progress.begin("describing", Some(ids.len() as u64));
-    let views = Scheme::of(transaction);
+    let scheme = Scheme::of(transaction);
     let mut lost = BTreeSet::new();
     for &id in ids {
         if progress.cancelled() {
             return Err(Error::Cancelled);
         }
         progress.advance(1);
-        if let Some(volume) = whole_voxels(transaction, id)? {
-            Recomputed::of(&volume, &views)?.write(transaction, id)?;
+        if let Some(volume) = intact_voxels(transaction, id)? {
+            Recomputed::of(&volume, &scheme)?.write(transaction, id)?;
             continue;
         }
         let full = ViewCode(View::Full.code());
@@ -158,12 +157,12 @@ pub(crate) fn describe_anew(
             read => read?,
         };
         if let Some(sums) = sums
-            && views.views().contains(&View::Full)
+            && scheme.views().contains(&View::Full)
             && transaction.descriptor(id, full)?.is_none()
         {
             transaction.set_descriptors(id, &[(full, Some(sums.descriptor()))])?;
         }
-        // What the voxels would have told of other views nobody knows: the texture may lack them by right.
+        // Whether the texture had moments of other views is not known any more.
         lost.insert(id);
     }
     Ok(lost)

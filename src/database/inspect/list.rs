@@ -1,4 +1,4 @@
-//! The list of all textures, kept in memory between calls.
+//! The catalogue of a database.
 
 use std::sync::Arc;
 
@@ -9,28 +9,28 @@ use crate::error::Error;
 use crate::store::Reads;
 
 impl Database {
-    /// The list of all textures, kept in memory and read again where the store has changed. One whose record is damaged is
-    /// left out, with a warning in the log.
+    /// The list of all textures. It is kept in memory, and read again when the store has changed. Textures whose records are
+    /// damaged are left out, with a warning in the log.
     ///
-    /// Where reading it takes long and the store changes all the time, the list may be some moments old, but never older
-    /// than the revision `at_least` (0: any): whoever has just changed something names the revision of the change.
+    /// If reading takes long and the store changes often, the list may be a little old, but never older than revision
+    /// `at_least`: pass the revision of a change to see it, or 0.
     ///
     /// # Errors
     /// [`Error::Store`].
     pub fn catalogue(&self, at_least: u64) -> Result<Arc<Catalogue>, Error> {
-        let good = |catalogue: &Arc<Catalogue>| catalogue.revision >= at_least && catalogue.is_fresh();
-        let known = || held(self.catalogue.read()).clone();
-        if let Some(catalogue) = known().filter(good) {
+        let is_fresh = |catalogue: &Arc<Catalogue>| catalogue.revision >= at_least && catalogue.is_fresh();
+        let cached = || held(self.catalogue.read()).clone();
+        if let Some(catalogue) = cached().filter(is_fresh) {
             return Ok(catalogue);
         }
         let snapshot = self.store().read()?;
-        let current = |catalogue: &Arc<Catalogue>| catalogue.revision >= snapshot.revision();
-        if let Some(catalogue) = known().filter(current) {
+        let is_current = |catalogue: &Arc<Catalogue>| catalogue.revision >= snapshot.revision();
+        if let Some(catalogue) = cached().filter(is_current) {
             return Ok(catalogue);
         }
-        let _reading = held(self.listing.lock());
+        let _reading = held(self.reading_catalogue.lock());
         // Another thread may have read it meanwhile.
-        if let Some(catalogue) = known().filter(|catalogue| current(catalogue) || good(catalogue)) {
+        if let Some(catalogue) = cached().filter(|catalogue| is_current(catalogue) || is_fresh(catalogue)) {
             return Ok(catalogue);
         }
         let catalogue = Arc::new(Catalogue::read(&snapshot)?);
@@ -38,7 +38,7 @@ impl Database {
         Ok(catalogue)
     }
 
-    /// The number of the last commit; it rises by one with every change.
+    /// The revision of the store: the number of the last commit. It rises by one with every change.
     ///
     /// # Errors
     /// [`Error::Store`].
@@ -50,16 +50,16 @@ impl Database {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::database::{Order, Selection};
+    use crate::database::catalogue::{CatalogueOrder, CatalogueQuery};
     use crate::volume::Volume;
     use crate::{Meta, TagEdit, TagFilter};
 
-    fn names(catalogue: &Catalogue, selection: &Selection) -> Vec<String> {
-        catalogue.select(selection).iter().map(|&at| catalogue.textures()[at as usize].name.to_string()).collect()
+    fn names(catalogue: &Catalogue, query: &CatalogueQuery) -> Vec<String> {
+        catalogue.select(query).iter().map(|&at| catalogue.textures()[at as usize].name.to_string()).collect()
     }
 
     #[test]
-    fn lists_are_filtered_searched_and_ordered() {
+    fn a_catalogue_is_filtered_searched_and_ordered() {
         let folder = tempfile::tempdir().unwrap();
         let database = Database::open(folder.path().join("s.hlacdb")).unwrap();
         for (at, (name, stone, side)) in
@@ -69,26 +69,26 @@ mod tests {
             database.add(&volume, Meta::named(name).tag("stone", stone).tag("set", "a")).unwrap();
         }
         let catalogue = database.catalogue(0).unwrap();
-        let all = Selection::default();
+        let all = CatalogueQuery::new();
         assert_eq!(names(&catalogue, &all), ["s10", "s9", "core"]);
-        let by = |order, descending| Selection { order, descending, ..all.clone() };
-        assert_eq!(names(&catalogue, &by(Order::Id, true)), ["core", "s9", "s10"]);
-        assert_eq!(names(&catalogue, &by(Order::Name, false)), ["core", "s9", "s10"]);
-        assert_eq!(names(&catalogue, &by(Order::Size, true)), ["s9", "core", "s10"]);
-        let text = |text: &str| Selection { text: text.into(), ..all.clone() };
+        let by = |order, descending| CatalogueQuery::new().order(order).descending(descending);
+        assert_eq!(names(&catalogue, &by(CatalogueOrder::Id, true)), ["core", "s9", "s10"]);
+        assert_eq!(names(&catalogue, &by(CatalogueOrder::Name, false)), ["core", "s9", "s10"]);
+        assert_eq!(names(&catalogue, &by(CatalogueOrder::Size, true)), ["s9", "core", "s10"]);
+        let text = |text: &str| CatalogueQuery::new().text(text);
         assert_eq!(names(&catalogue, &text(" MARB ")), ["s10"]);
         assert_eq!(names(&catalogue, &text("S1")), ["s10"]);
-        let filters = vec![TagFilter::equals("stone", "granite"), TagFilter::equals("set", "a")];
-        assert_eq!(names(&catalogue, &Selection { filters, ..all.clone() }), ["s9"]);
-        let filters = vec![TagFilter::equals("colour", "red")];
-        assert!(names(&catalogue, &Selection { filters, ..all }).is_empty());
+        let filters = [TagFilter::equals("stone", "granite"), TagFilter::equals("set", "a")];
+        assert_eq!(names(&catalogue, &CatalogueQuery::new().filters(filters)), ["s9"]);
+        let filters = [TagFilter::equals("colour", "red")];
+        assert!(names(&catalogue, &CatalogueQuery::new().filters(filters)).is_empty());
         let tags: Vec<_> = catalogue.tags().iter().map(|tag| (&*tag.key, tag.values.len())).collect();
         assert_eq!(tags, [("set", 1), ("stone", 3)]);
         assert_eq!(catalogue.tags()[0].values, [("a".into(), 3)]);
     }
 
     #[test]
-    fn a_list_is_read_once_and_follows_changes() {
+    fn a_catalogue_is_read_once_and_follows_changes() {
         let folder = tempfile::tempdir().unwrap();
         let database = Database::open(folder.path().join("s.hlacdb")).unwrap();
         let volume = Volume::from_fn([8; 3], |z, y, x| (z * 9 + y * 5 + x * 3) as u8).unwrap();

@@ -1,4 +1,4 @@
-//! The whole store as a map: two coordinates for every texture.
+//! A map of the whole store: two coordinates for every texture.
 
 use serde::Serialize;
 
@@ -9,20 +9,21 @@ use crate::error::Error;
 use crate::index::Points;
 use crate::space::linalg::{axpy, dot_in_order, orthogonal_iteration};
 
-/// Every texture as a place in the plane.
+/// A position in the plane for every texture.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct TextureMap {
     /// The space whose points are shown.
     pub space: String,
-    /// Which fit of the space.
+    /// The number of the fit of the space.
     pub epoch: u64,
     /// The revision of the store.
     pub revision: u64,
-    /// Textures that have a point; more than `ids` where a limit was set.
+    /// The number of textures that have a point: more than `ids` if there are more than the limit.
     pub total: u64,
-    /// The shares of the points' variance that the two axes show.
+    /// The shares of the points' variance along the two axes.
     pub explained: [f64; 2],
-    /// The textures, ascending.
+    /// The textures, by ascending id.
     pub ids: Vec<TextureId>,
     /// The first coordinate of each.
     pub x: Vec<f32>,
@@ -30,18 +31,18 @@ pub struct TextureMap {
     pub y: Vec<f32>,
 }
 
-/// So many points decide where the axes of a map lie; more make no visible difference.
+/// The number of points that determine the axes: more make no visible difference.
 const ENOUGH_POINTS: usize = 2048;
-/// So many steps find an axis well enough to look at.
+/// The number of iterations that determine an axis.
 const STEPS: usize = 40;
 
 impl Database {
-    /// The two axes of a space along which its points vary most, and the place of every texture on them.
+    /// Projects the points of a space on the two axes along which they vary most.
     ///
-    /// Where more than `limit` textures have points, they are thinned out evenly. The same store gives the same map.
+    /// If more than `limit` textures have points, an evenly spread sample is returned. The same store gives the same map.
     ///
     /// # Errors
-    /// [`Error::NoSuchSpace`], [`Error::Store`].
+    /// [`QueryError::NoSuchSpace`](crate::QueryError::NoSuchSpace), [`Error::Store`].
     pub fn map(&self, space: &str, limit: usize) -> Result<TextureMap, Error> {
         let snapshot = self.store().read()?;
         let state = self.state(&snapshot, space)?;
@@ -56,10 +57,10 @@ fn map_of(space: &str, state: &SpaceState, limit: usize) -> TextureMap {
     let shown = points.iter().step_by(step);
     let (mut ids, mut x, mut y) = (Vec::new(), Vec::new(), Vec::new());
     for (id, point) in shown {
-        let [across, up] = axes.place(point);
+        let [first, second] = axes.project(point);
         ids.push(id.into());
-        x.push(across);
-        y.push(up);
+        x.push(first);
+        y.push(second);
     }
     TextureMap {
         space: space.to_owned(),
@@ -84,13 +85,13 @@ impl Axes {
     fn of(points: &Points) -> Self {
         let dims = points.dims();
         let step = points.len().div_ceil(ENOUGH_POINTS).max(1);
-        let some: Vec<&[f32]> = points.iter().step_by(step).map(|(_, point)| point).collect();
-        let count = some.len().max(1) as f64;
+        let sample: Vec<&[f32]> = points.iter().step_by(step).map(|(_, point)| point).collect();
+        let count = sample.len().max(1) as f64;
         let mut mean = vec![0.0; dims];
-        for point in &some {
+        for point in &sample {
             mean.iter_mut().zip(*point).for_each(|(sum, &value)| *sum += f64::from(value) / count);
         }
-        let mut rows: Vec<Vec<f64>> = some
+        let mut rows: Vec<Vec<f64>> = sample
             .iter()
             .map(|point| point.iter().zip(&mean).map(|(&value, mean)| f64::from(value) - mean).collect())
             .collect();
@@ -99,7 +100,7 @@ impl Axes {
         let axes = [0, 1].map(|number| {
             let (axis, variance) = leading(&rows, dims);
             explained[number] = if total > 0.0 { variance / total } else { 0.0 };
-            // What lies along the first axis is taken off, so that the second is found the same way.
+            // The part along the first axis is removed, so that the second axis is found in the same way.
             for row in &mut rows {
                 let along = dot_in_order(row, &axis);
                 row.iter_mut().zip(&axis).for_each(|(value, axis)| *value -= along * axis);
@@ -109,16 +110,16 @@ impl Axes {
         Self { mean, axes, explained }
     }
 
-    fn place(&self, point: &[f32]) -> [f32; 2] {
+    fn project(&self, point: &[f32]) -> [f32; 2] {
         let centred: Vec<f64> = point.iter().zip(&self.mean).map(|(&value, mean)| f64::from(value) - mean).collect();
         [0, 1].map(|axis| dot_in_order(&centred, &self.axes[axis]) as f32)
     }
 }
 
-/// The unit vector along which rows vary most, and the sum of their squares along it. Its largest component is
-/// positive, so that a map is not mirrored from one fit to the next without need.
+/// The unit vector along which rows vary most, and the sum of their squares along it. Its largest component is positive, so
+/// that maps of successive fits are not mirror images.
 fn leading(rows: &[Vec<f64>], dims: usize) -> (Vec<f64>, f64) {
-    // A start that no data set is orthogonal to by symmetry.
+    // No symmetry of a data set makes it orthogonal to this start.
     let start = (0..dims).map(|at| 1.0 + at as f64 / dims as f64).collect();
     let scatter = |vector: &[f64]| {
         let mut product = vec![0.0; dims];
@@ -154,12 +155,12 @@ mod tests {
     }
 
     #[test]
-    fn points_that_do_not_vary_lie_in_one_place() {
+    fn points_that_do_not_vary_have_one_position() {
         for count in [0, 1, 3] {
             let mut points = Points::new(Metric::L2, 3).unwrap();
             (1..=count).for_each(|id| points.push(id, &[1.0, 2.0, 3.0]).unwrap());
             let axes = Axes::of(&points);
-            assert_eq!((axes.explained, axes.place(&[1.0, 2.0, 3.0])), ([0.0; 2], [0.0; 2]));
+            assert_eq!((axes.explained, axes.project(&[1.0, 2.0, 3.0])), ([0.0; 2], [0.0; 2]));
         }
     }
 

@@ -1,4 +1,4 @@
-//! Looking at what a store holds.
+//! What a store holds: textures, spaces, statistics, catalogue, map and explanations.
 
 pub(crate) mod explain;
 pub(crate) mod list;

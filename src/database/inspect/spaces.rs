@@ -1,15 +1,15 @@
-//! Looking at the spaces of a store.
+//! The spaces of a store.
 
 use std::sync::Arc;
 
-use crate::database::Database;
+use crate::database::handle::Database;
 use crate::database::points::spaces::load;
 use crate::database::scheme::Scheme;
 use crate::error::Error;
 use crate::space::Space;
 
 impl Database {
-    /// The spaces that the store can answer in.
+    /// The names of the store's spaces.
     ///
     /// # Errors
     /// [`Error::Store`].
@@ -17,7 +17,7 @@ impl Database {
         Ok(Scheme::of(&self.store().read()?).names())
     }
 
-    /// Every space that the store can answer in, as it is fitted now. Cheap: no point is looked at.
+    /// All spaces of the store, as they are fitted. Points are not loaded.
     ///
     /// # Errors
     /// [`Error::Store`], [`Error::Space`].
@@ -26,10 +26,10 @@ impl Database {
         Scheme::of(&snapshot).definitions().iter().map(|definition| load(&snapshot, &definition.name)).collect()
     }
 
-    /// A space as it is fitted now.
+    /// A space, as it is fitted. Its points are loaded if they are not in memory.
     ///
     /// # Errors
-    /// [`Error::NoSuchSpace`], [`Error::Store`].
+    /// [`QueryError::NoSuchSpace`](crate::QueryError::NoSuchSpace), [`Error::Store`].
     pub fn space(&self, name: &str) -> Result<Arc<Space>, Error> {
         Ok(Arc::clone(&self.state(&self.store().read()?, name)?.owner.space))
     }

@@ -1,13 +1,13 @@
-//! What a person wants to know of a store.
+//! Sizes, settings, spaces and statistics of a store.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::database::fit::nuisance;
 use crate::database::handle::Database;
+use crate::database::points::fitting::declared_nuisance;
 use crate::database::points::{spaces, statistics_cache};
-use crate::database::quarantine::{self, Quarantined};
+use crate::database::quarantine::{self, QuarantinedTexture};
 use crate::database::scheme::{DEFAULT_SPACE, Scheme};
 use crate::error::Error;
 use crate::hlac::MASK_COUNT;
@@ -15,120 +15,126 @@ use crate::space::linalg::orthogonal_iteration;
 use crate::space::{FeatureSet, Space};
 use crate::store::{Reads, StoreError, ViewCode, Volumes};
 
-/// Everything that `hlacdb stats` shows.
+/// Sizes, settings, a space and statistics of a store.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct StatisticsReport {
-    /// Textures in the store.
+    /// The number of textures.
     pub textures: u64,
-    /// Descriptors of all textures in all views.
+    /// The number of descriptors: of all textures in all views.
     pub descriptors: u64,
-    /// Bytes by table, and `file`, the length of the file.
+    /// Bytes by table. `file` is the length of the file.
     pub bytes: BTreeMap<String, u64>,
-    /// The space asked for: the default one unless said.
+    /// The space that was asked for.
     pub space: SpaceReport,
-    /// The 251 moments of `full@1` over all textures.
+    /// Statistics of the 251 moments of `full@1` over all textures.
     pub statistics: MomentStatistics,
-    /// What the store was made for.
+    /// The settings of the store.
     pub settings: SettingsReport,
     /// Textures of which something is known to be lost.
-    pub quarantined: Vec<Quarantined>,
+    pub quarantined: Vec<QuarantinedTexture>,
     /// The number of the last commit.
     pub revision: u64,
 }
 
 /// A fitted space.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct SpaceReport {
     /// Its name.
     pub name: String,
-    /// The number of the fit; 0 before the first.
+    /// The number of the fit; 0 before the first fit.
     pub epoch: u64,
-    /// Textures it was fitted on.
+    /// The number of textures that it was fitted on.
     pub fitted_on: u64,
-    /// Coordinates of a point.
+    /// The number of coordinates of a point.
     pub dims: usize,
-    /// How points and distances are computed.
+    /// How points and distances are computed, as a formula.
     pub formula: String,
-    /// The share of each axis of the variance of all, falling; empty where the space has no axes of its own.
+    /// The share of the variance of each axis, in descending order; empty if the space has no axes of its own.
     pub variances: Vec<f64>,
-    /// The leading axes, by falling variance.
+    /// The leading axes, by descending variance.
     pub axes: Vec<AxisReport>,
-    /// How far the store has moved since the fit; `None` where there is nothing to compare.
+    /// How much the textures have changed since the fit; `None` if there is nothing to compare.
     pub drift: Option<DriftReport>,
 }
 
-/// One axis of a space.
+/// An axis of a space.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct AxisReport {
-    /// Its share of the variance of all axes.
+    /// Its share of the variance.
     pub variance: f64,
-    /// How much of it comes from each view.
+    /// The share of each view in the axis.
     pub views: BTreeMap<String, f64>,
-    /// The features that go most with it, with their correlation.
+    /// The features that are most correlated with it, with their correlation.
     pub features: Vec<(String, f64)>,
 }
 
-/// How far a store has moved since a fit.
+/// How much the textures of a store have changed since a fit.
 #[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
 pub struct DriftReport {
-    /// How far the mean texture has moved, in units of the spread then.
+    /// How far the mean has moved, in units of the spread at the fit.
     pub shift: f64,
-    /// The spread now by that of then.
+    /// The spread now, divided by the spread at the fit.
     pub spread: f64,
 }
 
 impl DriftReport {
-    /// Whether the store is so far from what the space was fitted on that a fit on all of it is worth its while: the mean moved
-    /// by 0.7 of the spread, or the spread changed by a factor of two.
+    /// Whether the space should be fitted again: the mean has moved by 0.7 of the spread, or the spread has changed by a factor
+    /// of two.
     pub fn is_far(&self) -> bool {
         self.shift.abs().max(self.spread.ln().abs()) >= FAR
     }
 }
 
-/// The drift from which on a space should be fitted anew; the page says so from the same number on.
+/// The drift from which a space should be fitted again. The page of the server uses the same number.
 const FAR: f64 = 0.7;
 
 /// Statistics of the 251 moments of `full@1`, in the order of the masks.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct MomentStatistics {
-    /// Textures counted.
+    /// The number of textures.
     pub count: u64,
-    /// Mean of each moment.
+    /// The mean of each moment.
     pub mean: Vec<f64>,
-    /// Standard deviation (divided by the count).
+    /// The standard deviation of each moment (divided by the count).
     pub std: Vec<f64>,
-    /// Lowest value; empty where there is no texture.
+    /// The lowest value of each moment; empty if there is no texture.
     pub min: Vec<f64>,
-    /// Highest value; empty where there is no texture.
+    /// The highest value of each moment; empty if there is no texture.
     pub max: Vec<f64>,
-    /// The share of the variance of the z-scored moments that their strongest axis holds: near 1, they all measure
+    /// The share of the variance of the z-scored moments along their first principal axis. Near 1, all moments measure
     /// brightness.
     pub leading_share: f64,
 }
 
-/// What a store was made for.
+/// The settings of a store.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct SettingsReport {
-    /// The views it keeps.
+    /// The names of the views that it keeps.
     pub views: Vec<&'static str>,
     /// Whether voxels are kept: `keep` or `none`.
     pub volumes: &'static str,
-    /// The spaces it answers in.
+    /// The names of its spaces.
     pub spaces: Vec<String>,
-    /// The nuisances that were declared with `reindex --nuisance`; `None` where the shipped prior's count.
+    /// The nuisances on which the store's own nuisance scatter was estimated; `None` if the prior's is used.
     pub nuisance: Option<String>,
-    /// The version of the file's format.
+    /// The version of the file format.
     pub format: u32,
-    /// The kernel that makes exact sums on this machine.
+    /// The kernel that computes exact sums on this machine.
     pub kernel: &'static str,
 }
 
-/// So many axes are shown.
+/// The number of leading axes in a report.
 const AXES: usize = 8;
 
 impl Database {
-    /// Sizes, settings, the default space and the normalisation statistics. Statistics or a space that cannot be read are
-    /// told in the log and count as those of no texture.
+    /// Sizes, settings, the default space and the statistics of moments. Damaged statistics, or a damaged space, are reported as
+    /// those of an empty store, with a warning in the log.
     ///
     /// # Errors
     /// [`Error::Store`], [`Error::Space`].
@@ -136,10 +142,10 @@ impl Database {
         self.statistics_in(DEFAULT_SPACE)
     }
 
-    /// The same with another space than the default one.
+    /// As [`Database::statistics`], with another space.
     ///
     /// # Errors
-    /// [`Error::NoSuchSpace`], [`Error::Store`], [`Error::Space`].
+    /// [`QueryError::NoSuchSpace`](crate::QueryError::NoSuchSpace), [`Error::Store`], [`Error::Space`].
     pub fn statistics_in(&self, space: &str) -> Result<StatisticsReport, Error> {
         let snapshot = self.store().read()?;
         let mut bytes: BTreeMap<String, u64> =
@@ -148,20 +154,21 @@ impl Database {
             bytes.insert("file".into(), file.len());
         }
         let mut descriptors = 0;
-        let mut quarantined = quarantine::listed(&snapshot)?;
-        for &view in Scheme::of(&snapshot).views().iter() {
+        let mut quarantined = quarantine::quarantined(&snapshot)?;
+        let scheme = Scheme::of(&snapshot);
+        for &view in scheme.views() {
             for block in 0..snapshot.descriptor_blocks() {
                 match snapshot.descriptors(ViewCode(view.code()), block) {
-                    Ok(kept) => descriptors += kept.map_or(0, |block| block.present() as u64),
+                    Ok(block) => descriptors += block.map_or(0, |block| block.present() as u64),
                     Err(StoreError::Damage(damage)) => {
-                        quarantine::of_block(&snapshot, block, &damage, &mut quarantined)?
+                        quarantine::add_block(&snapshot, block, &damage, &mut quarantined)?;
                     }
                     Err(error) => return Err(error.into()),
                 }
             }
         }
         let space = spaces::load_or_prior(&snapshot, space)?;
-        let drift = space.drift(&statistics_cache::load_whole(&snapshot, space.feature_set())?)?;
+        let drift = space.drift(&statistics_cache::load_or_empty(&snapshot, space.feature_set())?)?;
         Ok(StatisticsReport {
             textures: snapshot.counts().textures,
             descriptors,
@@ -172,13 +179,13 @@ impl Database {
             },
             statistics: moment_statistics(&snapshot)?,
             settings: SettingsReport {
-                views: Scheme::of(&snapshot).views().iter().map(|view| view.name()).collect(),
+                views: scheme.views().iter().map(|view| view.name()).collect(),
                 volumes: match snapshot.settings().volumes {
                     Volumes::Keep => "keep",
                     Volumes::None => "none",
                 },
-                spaces: self.space_names()?,
-                nuisance: nuisance::declared(&snapshot),
+                spaces: scheme.names(),
+                nuisance: declared_nuisance(&snapshot),
                 format: crate::store::FORMAT_VERSION,
                 kernel: crate::hlac::kernels::active().name(),
             },
@@ -187,8 +194,7 @@ impl Database {
         })
     }
 
-    /// The covariance matrix of the 251 moments of `full@1` over all textures, row-major, 251 x 251 (divided by the
-    /// count).
+    /// The covariance matrix of the 251 moments of `full@1` over all textures (divided by the count): 251 x 251, row-major.
     ///
     /// # Errors
     /// [`Error::Store`], [`Error::Space`].
@@ -198,7 +204,7 @@ impl Database {
 }
 
 fn moment_statistics(state: &impl Reads) -> Result<MomentStatistics, Error> {
-    let statistics = statistics_cache::load_whole(state, &FeatureSet::plain())?;
+    let statistics = statistics_cache::load_or_empty(state, &FeatureSet::plain())?;
     let (min, max) = statistics.extremes().unwrap_or_default();
     let std = statistics.deviation();
     Ok(MomentStatistics {

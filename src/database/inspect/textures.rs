@@ -1,10 +1,10 @@
-//! Looking at single textures.
+//! What is stored of single textures.
 
 use std::collections::BTreeMap;
 
-use crate::database::filter::tagged_with_all;
+use crate::database::filter::matching_ids;
 use crate::database::handle::Database;
-use crate::database::points::descriptors::{known, known_descriptor};
+use crate::database::points::descriptors::{check_exists, existing_descriptor};
 use crate::database::texture::Texture;
 use crate::error::Error;
 use crate::hlac::Sums;
@@ -14,7 +14,7 @@ use crate::volume::Volume;
 use crate::{TagFilter, TextureId};
 
 impl Database {
-    /// One texture.
+    /// What is recorded of a texture.
     ///
     /// # Errors
     /// [`StoreError::NoSuchTexture`], in [`Error::Store`].
@@ -24,38 +24,38 @@ impl Database {
         Ok(record.ok_or(StoreError::NoSuchTexture { id })?.into())
     }
 
-    /// The textures that carry all of these tags (all textures where there are none), in id order. One whose record is
-    /// damaged is left out, with a warning in the log.
+    /// The textures that match all filters, in id order. Textures whose records are damaged are left out, with a warning in the
+    /// log.
     ///
     /// # Errors
     /// [`Error::Store`].
     pub fn textures(&self, filters: &[TagFilter]) -> Result<Vec<Texture>, Error> {
         let snapshot = self.store().read()?;
-        match tagged_with_all(&snapshot, filters)? {
-            None => whole(snapshot.records()),
-            Some(ids) => whole(ids.into_iter().filter_map(|id| snapshot.record(id).transpose())),
+        match matching_ids(&snapshot, filters)? {
+            None => intact(snapshot.records()),
+            Some(ids) => intact(ids.into_iter().filter_map(|id| snapshot.record(id).transpose())),
         }
     }
 
-    /// The voxels of a texture; `None` where they were not kept.
+    /// The voxels of a texture; `None` if they are not stored.
     ///
     /// # Errors
     /// [`StoreError::NoSuchTexture`] and [`StoreError::Damage`], in [`Error::Store`].
     pub fn volume(&self, id: impl Into<TextureId>) -> Result<Option<Volume>, Error> {
         let id = id.into().get();
         let snapshot = self.store().read()?;
-        known(&snapshot, id)?;
+        check_exists(&snapshot, id)?;
         Ok(snapshot.voxels(id)?)
     }
 
-    /// The exact sums of `full@1` of a texture; `None` where only moments were imported.
+    /// The exact sums of `full@1` of a texture; `None` if only moments were imported.
     ///
     /// # Errors
     /// As [`Database::volume`].
     pub fn sums(&self, id: impl Into<TextureId>) -> Result<Option<Sums>, Error> {
         let id = id.into().get();
         let snapshot = self.store().read()?;
-        known(&snapshot, id)?;
+        check_exists(&snapshot, id)?;
         Ok(snapshot.sums(id)?)
     }
 
@@ -64,10 +64,10 @@ impl Database {
     /// # Errors
     /// As [`Database::volume`].
     pub fn descriptor(&self, id: impl Into<TextureId>) -> Result<Descriptor, Error> {
-        known_descriptor(&self.store().read()?, id.into().get())
+        existing_descriptor(&self.store().read()?, id.into().get())
     }
 
-    /// The value of a tag of every texture that carries it, by id.
+    /// The value of a tag for every texture that has it.
     ///
     /// # Errors
     /// [`Error::Store`].
@@ -81,8 +81,8 @@ impl Database {
     }
 }
 
-/// The textures of those records that are whole.
-fn whole(records: impl Iterator<Item = Result<Record, StoreError>>) -> Result<Vec<Texture>, Error> {
+/// The textures of those records that can be read.
+fn intact(records: impl Iterator<Item = Result<Record, StoreError>>) -> Result<Vec<Texture>, Error> {
     let mut textures = Vec::new();
     for record in records {
         match record {

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::database::handle::Database;
 use crate::database::locks::held;
-use crate::database::points::contributions::{contribution_blocks, with_full};
+use crate::database::points::contributions::{contribution_blocks, describe};
 use crate::database::points::stored::{StoredPoints, mapped_points};
 use crate::database::points::{spaces, statistics_cache};
 use crate::database::quarantine;
@@ -77,7 +77,7 @@ pub(crate) fn verify(snapshot: &Snapshot, deep: bool, progress: &dyn Progress) -
         }
     }
     let known = !damage.is_empty() && {
-        let lost = quarantine::listed(snapshot).unwrap_or_default();
+        let lost = quarantine::quarantined(snapshot).unwrap_or_default();
         let lost: BTreeSet<u64> = lost.iter().map(|lost| lost.id.get()).collect();
         damage.iter().all(|damage| damage.texture().is_some_and(|id| lost.contains(&id)))
     };
@@ -87,15 +87,15 @@ pub(crate) fn verify(snapshot: &Snapshot, deep: bool, progress: &dyn Progress) -
 /// Describes the voxels of a texture again and compares sums and moments, to the bit.
 fn describe_again(snapshot: &Snapshot, record: &Record, volume: &Volume) -> Vec<Damage> {
     let id = record.id;
-    let views = Scheme::of(snapshot);
+    let scheme = Scheme::of(snapshot);
     let mut damage = Vec::new();
-    for (view, octants) in crate::describe(volume, &with_full(views.views())) {
+    for (view, octants) in describe(volume, &scheme) {
         let total = octants.total();
         if view == View::Full && snapshot.sums(id).is_ok_and(|stored| stored.is_some_and(|stored| stored != total)) {
             damage.push(Damage::new("sums", DamageKey::Texture(id), "the sums are not those of the voxels"));
         }
         let stored = snapshot.descriptor(id, ViewCode(view.code()));
-        let expected = views.views().contains(&view).then(|| total.descriptor());
+        let expected = scheme.views().contains(&view).then(|| total.descriptor());
         if let Ok(stored) = stored
             && expected.is_some()
             && stored != expected
@@ -113,17 +113,17 @@ fn check_statistics(
     checked: &mut BTreeMap<&'static str, u64>,
     damage: &mut Vec<Damage>,
 ) -> Result<(), Error> {
-    for recipe in Scheme::of(snapshot).recipes() {
-        let key = DamageKey::Name(recipe.key());
-        let stored = match statistics_cache::load(snapshot, &recipe) {
+    for feature_set in Scheme::of(snapshot).feature_sets() {
+        let key = DamageKey::Name(feature_set.key());
+        let stored = match statistics_cache::load(snapshot, &feature_set) {
             Ok(stored) => stored,
             Err(error) => {
                 damage.push(Damage::new("statistics", key, error.to_string()));
                 continue;
             }
         };
-        let mut computed = crate::space::Statistics::new(&recipe);
-        for block in contribution_blocks(snapshot, &recipe)? {
+        let mut computed = crate::space::Statistics::new(&feature_set);
+        for block in contribution_blocks(snapshot, &feature_set)? {
             computed.add_all(block?.iter())?;
         }
         let same = stored.count() == computed.count()

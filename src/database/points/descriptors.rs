@@ -8,7 +8,7 @@ use crate::store::{Reads, StoreError, ViewCode};
 /// The moments of a texture in every view that the store keeps and the texture has; empty for an unknown id.
 pub(crate) fn descriptor(state: &impl Reads, id: u64) -> Result<Descriptor, Error> {
     let mut moments = Vec::new();
-    for &view in Scheme::of(state).views().iter() {
+    for &view in Scheme::of(state).views() {
         if let Some(row) = state.descriptor(id, ViewCode(view.code()))? {
             moments.push((view, row));
         }
@@ -17,13 +17,13 @@ pub(crate) fn descriptor(state: &impl Reads, id: u64) -> Result<Descriptor, Erro
 }
 
 /// The descriptor of a texture, which must exist.
-pub(crate) fn known_descriptor(state: &impl Reads, id: u64) -> Result<Descriptor, Error> {
-    known(state, id)?;
+pub(crate) fn existing_descriptor(state: &impl Reads, id: u64) -> Result<Descriptor, Error> {
+    check_exists(state, id)?;
     descriptor(state, id)
 }
 
 /// Refuses an id that no texture has.
-pub(crate) fn known(state: &impl Reads, id: u64) -> Result<(), Error> {
+pub(crate) fn check_exists(state: &impl Reads, id: u64) -> Result<(), Error> {
     state.record(id)?.ok_or(StoreError::NoSuchTexture { id })?;
     Ok(())
 }

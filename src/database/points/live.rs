@@ -1,4 +1,4 @@
-//! Spaces in memory: their points, and the trees over them.
+//! [`LiveSpace`]: a space in memory, with its points and the tree over them.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -30,14 +30,14 @@ pub(crate) struct SpaceVersion {
 /// The most records that are cached.
 const CACHED_RECORDS: usize = 16 * 1024;
 
-/// A space in memory. Its points are kept up with the store, and so is the tree over them.
+/// A space in memory. Its points, and the tree over them, follow the revisions of the store.
 pub(crate) struct LiveSpace {
     pub(super) points: Arc<SharedIndex<SpaceVersion>>,
     /// The number of queries since the points were loaded: a tree is built once it is worthwhile.
     queries: AtomicU64,
 }
 
-/// Fewer queries than this, one after another, are answered by the scan: most processes ask few.
+/// Fewer queries than this, one after another, are answered by scans: most processes make only a few.
 const QUERIES_WORTH_A_TREE: u64 = 8;
 
 impl LiveSpace {
@@ -86,11 +86,11 @@ impl LiveSpace {
     }
 }
 
-/// The spaces in memory: those that were queried, each as of the newest revision that was asked for.
+/// The spaces in memory: those that were queried, each at the newest revision that a query has used.
 #[derive(Default)]
 pub(crate) struct LiveSpaces {
     spaces: RwLock<BTreeMap<String, Arc<LiveSpace>>>,
-    /// The spaces about which a query was answered from the file.
+    /// The spaces of which a query was answered from the file.
     queried: Mutex<BTreeSet<String>>,
 }
 
@@ -114,8 +114,7 @@ impl SpaceVersion {
         Self { revision: snapshot.revision(), space, warnings: Arc::new(warnings), records: Arc::default() }
     }
 
-    /// The records of these textures, in their order; `None` for those that are not there. `snapshot` is of the revision of
-    /// this state.
+    /// The records of these textures, in their order; `None` for those that do not exist. `snapshot` must be of this revision.
     pub(crate) fn records_of(&self, snapshot: &Snapshot, ids: &[u64]) -> Result<Vec<Option<Arc<Record>>>, Error> {
         let cached: Vec<Option<Arc<Record>>> = {
             let records = held(self.records.read());

@@ -1,4 +1,4 @@
-//! Loading the points of a space, and bringing them up to date with the store.
+//! Points in memory: loaded from the store, and brought up to date with its revisions.
 
 use std::sync::Arc;
 
@@ -56,8 +56,8 @@ impl Database {
         Ok(self.live_space(snapshot, name)?.state())
     }
 
-    /// The metric of a space and the points of some textures in it, in the order of `ids`; a texture without a point is
-    /// left out.
+    /// The metric of a space, and the points of some textures in it in the order of `ids`. Textures without a point are left
+    /// out.
     ///
     /// # Errors
     /// [`QueryError::NoSuchSpace`](crate::QueryError::NoSuchSpace), [`Error::Store`].
@@ -76,7 +76,7 @@ impl Database {
     }
 }
 
-/// The points of every texture, from nothing.
+/// Loads the points of all textures.
 fn load(snapshot: &Snapshot, name: &str, space: Arc<Space>) -> Result<LiveSpace, Error> {
     let rows = snapshot.rows()?;
     let mut warnings = Vec::new();
@@ -85,11 +85,11 @@ fn load(snapshot: &Snapshot, name: &str, space: Arc<Space>) -> Result<LiveSpace,
     Ok(LiveSpace::new(SpaceVersion::new(snapshot, space, warnings), Index::from_points(points)))
 }
 
-/// Brings the points of an earlier revision up to date: takes out what was removed and adds what was added since.
+/// Brings the points of an earlier revision up to date: removes and adds what was removed and added since.
 fn advance(version: &mut SpaceVersion, index: &mut Index, snapshot: &Snapshot, name: &str) -> Result<(), Error> {
     let rows = snapshot.rows()?;
-    let gone: Vec<u64> = index.points().iter().map(|(id, _)| id).filter(|&id| rows.row_of(id).is_none()).collect();
-    for id in gone {
+    let removed: Vec<u64> = index.points().iter().map(|(id, _)| id).filter(|&id| rows.row_of(id).is_none()).collect();
+    for id in removed {
         index.remove(id);
     }
     let first_new = index.points().last_id().map_or(0, |last| rows.ids().partition_point(|&id| id <= last));
@@ -103,9 +103,11 @@ fn advance(version: &mut SpaceVersion, index: &mut Index, snapshot: &Snapshot, n
     Ok(())
 }
 
-/// Ids and points, row-major, of the live rows from `first` on that have a point: kept ones as they are, others mapped.
+/// The ids and points, row-major, of the live rows from `first` on that have a point: stored points as they are, others mapped
+/// from moments.
 ///
-/// Kept points that cannot be read are mapped anew; textures whose moments cannot be read are left out. Both are told.
+/// If stored points are damaged, all are mapped from moments; textures whose moments are damaged are left out. Both give a
+/// warning.
 fn points_from(
     snapshot: &Snapshot,
     name: &str,
@@ -114,20 +116,20 @@ fn points_from(
     first: usize,
     warnings: &mut Vec<String>,
 ) -> Result<(Vec<u64>, Vec<f32>), Error> {
-    let mut taken = LivePoints { rows, ids: Vec::new(), coordinates: Vec::new() };
-    let kept = match kept_from(snapshot, name, space, first, &mut taken) {
+    let mut live = LivePoints::new(rows);
+    let stored = match stored_points_from(snapshot, name, space, first, &mut live) {
         Err(error) if error.is_damage() => {
-            warnings.push(format!("{}; the points are made anew from the moments", chain(&error)));
-            taken = LivePoints { rows, ids: Vec::new(), coordinates: Vec::new() };
+            warnings.push(format!("{}; the points are recomputed from the moments", chain(&error)));
+            live = LivePoints::new(rows);
             0
         }
-        kept => kept?,
+        stored => stored?,
     };
-    let mut next = kept.max(first);
+    let mut next = stored.max(first);
     while next < rows.len() {
         let end = ((next / DESCRIPTOR_ROWS + 1) * DESCRIPTOR_ROWS).min(rows.len());
         match mapped_points(snapshot, space, next..end) {
-            Ok(points) => points.iter().for_each(|(row, point)| taken.take(*row, point)),
+            Ok(points) => points.iter().for_each(|(row, point)| live.add(*row, point)),
             Err(error) if error.is_damage() => {
                 let lost = (next..end).filter(|&row| rows.is_live(row)).count();
                 warnings.push(format!("{}; {lost} textures are left out", chain(&error)));
@@ -136,35 +138,40 @@ fn points_from(
         }
         next = end;
     }
-    Ok((taken.ids, taken.coordinates))
+    Ok((live.ids, live.coordinates))
 }
 
-/// Takes the kept points; returns the first row whose point is not kept.
-fn kept_from(
+/// Adds the stored points of the rows from `first` on. Returns the first row without a stored point.
+fn stored_points_from(
     snapshot: &Snapshot,
     name: &str,
     space: &Space,
     first: usize,
-    taken: &mut LivePoints<'_>,
+    live: &mut LivePoints<'_>,
 ) -> Result<usize, Error> {
     match StoredPoints::of(snapshot, name, space)? {
-        Some(kept) => {
-            kept.each(first, |row, point| taken.take(row, point))?;
-            Ok(kept.rows())
+        Some(stored) => {
+            stored.each(first, |row, point| live.add(row, point))?;
+            Ok(stored.rows())
         }
         None => Ok(0),
     }
 }
 
-/// Ids and points of live rows.
+/// The ids and points of live rows.
 struct LivePoints<'a> {
     rows: &'a Rows,
     ids: Vec<u64>,
     coordinates: Vec<f32>,
 }
 
-impl LivePoints<'_> {
-    fn take(&mut self, row: usize, point: &[f32]) {
+impl<'a> LivePoints<'a> {
+    fn new(rows: &'a Rows) -> Self {
+        Self { rows, ids: Vec::new(), coordinates: Vec::new() }
+    }
+
+    /// Adds a row, if it is live and has a point.
+    fn add(&mut self, row: usize, point: &[f32]) {
         if let Some(&id) = self.rows.ids().get(row).filter(|_| self.rows.is_live(row))
             && point.iter().all(|coordinate| coordinate.is_finite())
         {

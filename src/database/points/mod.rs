@@ -1,7 +1,8 @@
-//! Points, moments and statistics of the textures, as they are stored and in memory.
+//! Moments, statistics and points of textures, as they are stored and in memory.
 
 pub(crate) mod contributions;
 pub(crate) mod descriptors;
+pub(crate) mod fitting;
 pub(crate) mod live;
 pub(crate) mod loading;
 pub(crate) mod spaces;

@@ -1,20 +1,21 @@
-//! The spaces of a store as they are fitted now.
+//! The fitted spaces of a store.
 
 use std::sync::LazyLock;
 
 use super::statistics_cache;
+use super::stored;
 use crate::database::scheme::{DEFAULT_SPACE, Scheme};
 use crate::error::{Error, QueryError, chain};
 use crate::space::{Prior, Space, Statistics};
 use crate::store::{Reads, StoreError, Transaction};
 
-/// The space of this name: as it was fitted, or, where nothing was fitted yet, as the prior alone has it.
+/// The space of this name as it was fitted; before the first fit, as the prior alone determines it.
 pub(crate) fn load(state: &impl Reads, name: &str) -> Result<Space, Error> {
     if let Some(bytes) = state.space(name)? {
         return Ok(Space::decode(&bytes)?);
     }
     let scheme = Scheme::of(state);
-    match scheme.definitions().iter().find(|definition| definition.name == name) {
+    match scheme.definition(name) {
         Some(definition) => {
             let statistics = statistics_cache::load(state, &definition.feature_set)?;
             Ok(Space::fit(definition, &statistics, None, prior())?)
@@ -23,20 +24,20 @@ pub(crate) fn load(state: &impl Reads, name: &str) -> Result<Space, Error> {
     }
 }
 
-/// As [`load`], to be looked at only: a space that is not whole is shown as the prior alone has it.
+/// As [`load`], for display only: a damaged space is replaced by what the prior alone determines, with a warning.
 pub(crate) fn load_or_prior(state: &impl Reads, name: &str) -> Result<Space, Error> {
     match load(state, name) {
         Err(error) if error.is_damage() => {
             tracing::warn!("{}: reindexing fits the spaces again", chain(&error));
             let scheme = Scheme::of(state);
-            let definition = scheme.definitions().iter().find(|definition| definition.name == name).ok_or(error)?;
+            let definition = scheme.definition(name).ok_or(error)?;
             Ok(Space::fit(definition, &Statistics::new(&definition.feature_set), None, prior())?)
         }
-        read => read,
+        loaded => loaded,
     }
 }
 
-/// The epoch of the last fit and the textures it was made on; zeros before the first.
+/// The epoch of the last fit, and the number of textures it was made on; zeros before the first fit.
 pub(crate) fn last_fit(state: &impl Reads) -> Result<(u64, u64), Error> {
     match state.space(DEFAULT_SPACE)? {
         Some(bytes) => {
@@ -47,28 +48,28 @@ pub(crate) fn last_fit(state: &impl Reads) -> Result<(u64, u64), Error> {
     }
 }
 
-/// The epoch of the next fit. Spaces that cannot be read do not hinder it: the others say how far epochs have come.
+/// The epoch of the next fit: one more than that of any space. Damaged spaces are passed over.
 pub(crate) fn next_epoch(state: &impl Reads) -> Result<u64, Error> {
     let mut last = 0;
     for definition in Scheme::of(state).definitions() {
         match state.space(&definition.name) {
             Ok(Some(bytes)) => last = last.max(Space::decode(&bytes).map_or(0, |space| space.epoch())),
             Ok(None) => {}
-            Err(StoreError::Damage(damage)) => tracing::warn!("{damage}: the space is fitted anew"),
+            Err(StoreError::Damage(damage)) => tracing::warn!("{damage}: the space is fitted again"),
             Err(error) => return Err(error.into()),
         }
     }
     Ok(last + 1)
 }
 
-/// What is known of textures before a store has any.
+/// The shipped prior: what is known of textures before a store has any.
 pub(crate) fn prior() -> &'static Prior {
     static PRIOR: LazyLock<Prior> = LazyLock::new(Prior::shipped);
     &PRIOR
 }
 
-/// Keeps the points of the default space of every row that has none yet.
-pub(crate) fn keep_points(transaction: &mut Transaction) -> Result<(), Error> {
+/// Stores the points of the default space for all rows that have none yet.
+pub(crate) fn store_points(transaction: &mut Transaction) -> Result<(), Error> {
     let space = load(transaction, DEFAULT_SPACE)?;
-    super::stored::keep_points(transaction, DEFAULT_SPACE, &space)
+    stored::store_points(transaction, DEFAULT_SPACE, &space)
 }

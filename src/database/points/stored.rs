@@ -1,8 +1,8 @@
-//! Points and moments as the store keeps them, block by block.
+//! Points and moments as they are stored, block by block.
 //!
-//! The points of the default space are kept twice, so that a cold question reads few bytes: as *codes*, a byte a
-//! coordinate (see [`crate::index::quantise`]), and as they are. To the store both are parts of 4-byte numbers: four codes make
-//! one.
+//! The points of the default space are stored in two parts, so that a query from the file reads few bytes: as *codes* of one
+//! byte per coordinate (see [`crate::index::quantise`]), and in full. To the store both are parts of 4-byte numbers: four codes
+//! make one number.
 
 use std::borrow::Cow;
 
@@ -17,19 +17,19 @@ use crate::store::{
     point_rows_per_block,
 };
 
-/// The part that holds codes, and the one that holds points.
+/// The parts with codes and with points.
 const CODES: u8 = 0;
 const POINTS: u8 = 1;
 
-/// Codes in a number.
+/// The number of codes in a number.
 const PACKED: usize = 4;
 
-/// The widths of the parts that points of `dims` coordinates are kept in.
+/// The widths of the parts for points of `dims` coordinates.
 fn widths(dims: usize) -> [u16; 2] {
     [dims.div_ceil(PACKED) as u16, dims as u16]
 }
 
-/// Codes, four to a number, as the store keeps them; the places after the last one are 0.
+/// Codes as the store holds them, four in a number; the rest of the last number is 0.
 fn pack(codes: impl Iterator<Item = i8>) -> Vec<f32> {
     let bytes: Vec<u8> = codes.map(i8::cast_unsigned).collect();
     let number = |four: &[u8]| {
@@ -40,7 +40,7 @@ fn pack(codes: impl Iterator<Item = i8>) -> Vec<f32> {
     bytes.chunks(PACKED).map(number).collect()
 }
 
-/// The kept points of a space.
+/// The stored points of a space.
 pub(crate) struct StoredPoints<'a, R> {
     state: &'a R,
     name: &'a str,
@@ -49,29 +49,29 @@ pub(crate) struct StoredPoints<'a, R> {
 }
 
 impl<'a, R: Reads> StoredPoints<'a, R> {
-    /// Those of a space; `None` where none are kept, or not in the way of this version.
+    /// The stored points of a space; `None` if there are none, or if they have another layout.
     pub(crate) fn of(state: &'a R, name: &'a str, space: &Space) -> Result<Option<Self>, Error> {
         let dims = space.dims();
         let layout = state.points_layout(name)?.filter(|layout| layout.widths == widths(dims));
         Ok(layout.map(|layout| Self { state, name, dims, layout }))
     }
 
-    /// How many rows are kept; those of textures added since are not.
+    /// The number of rows with stored points.
     pub(crate) fn rows(&self) -> usize {
         self.layout.rows as usize
     }
 
-    /// Rows of a block of codes.
+    /// The number of rows in a block of codes.
     pub(crate) fn code_rows(&self) -> usize {
         point_rows_per_block(self.dims.div_ceil(PACKED))
     }
 
-    /// The codes of the rows from `block * code_rows()` on, packed in numbers: see [`unpacked`].
+    /// The codes of the rows from `block * code_rows()` on, packed in numbers; see [`unpacked`].
     pub(crate) fn codes(&self, block: u32) -> Result<Vec<f32>, Error> {
         Ok(self.state.points(self.name, &self.layout, CODES, block)?)
     }
 
-    /// Bytes from the codes of a row to those of the next.
+    /// The number of bytes from the codes of a row to those of the next.
     pub(crate) fn stride(&self) -> usize {
         self.dims.div_ceil(PACKED) * PACKED
     }
@@ -83,7 +83,7 @@ impl<'a, R: Reads> StoredPoints<'a, R> {
 
     fn part(&self, part: u8) -> PartRows<'_, R> {
         let width = self.layout.widths.get(usize::from(part)).map_or(0, |&width| usize::from(width));
-        PartRows { kept: self, part, width, most: HELD, blocks: Vec::new() }
+        PartRows { stored: self, part, width, most: CACHED_BLOCKS, blocks: Vec::new() }
     }
 
     /// A reader of points with their codes, for rows in ascending order: it holds one block of each in memory.
@@ -92,7 +92,7 @@ impl<'a, R: Reads> StoredPoints<'a, R> {
         CheckedRows { codes: in_order(CODES), points: in_order(POINTS) }
     }
 
-    /// Hands over row and point of the rows from `first` on; NaN where there is none.
+    /// Calls `take` with each row from `first` on and its point, which is NaN if the row has none.
     pub(crate) fn each(&self, first: usize, mut take: impl FnMut(usize, &[f32])) -> Result<(), Error> {
         let mut points = self.part(POINTS);
         for row in first..self.rows() {
@@ -102,7 +102,7 @@ impl<'a, R: Reads> StoredPoints<'a, R> {
     }
 }
 
-/// Packed codes, one after the other: where the machine's bytes are in the order of the store's, they are there already.
+/// Packed codes, one after the other. On little-endian machines the numbers are reinterpreted.
 pub(crate) fn unpacked(numbers: &[f32]) -> Cow<'_, [i8]> {
     if cfg!(target_endian = "little") {
         Cow::Borrowed(bytemuck::cast_slice(numbers))
@@ -115,8 +115,8 @@ fn unpack(numbers: &[f32]) -> impl Iterator<Item = i8> + '_ {
     numbers.iter().flat_map(|number| number.to_le_bytes()).map(u8::cast_signed)
 }
 
-/// So many blocks of one part are held in memory: 32 MiB.
-const HELD: usize = 128;
+/// The number of blocks of one part that are cached: 32 MiB.
+const CACHED_BLOCKS: usize = 128;
 
 /// Points with their codes.
 pub(crate) struct CheckedRows<'a, R> {
@@ -136,12 +136,12 @@ impl<R: Reads> CheckedRows<'_, R> {
     }
 }
 
-/// One part of the kept points. The blocks read last are held.
+/// One part of the stored points. The blocks read last are cached.
 pub(crate) struct PartRows<'a, R> {
-    kept: &'a StoredPoints<'a, R>,
+    stored: &'a StoredPoints<'a, R>,
     part: u8,
     width: usize,
-    /// The number of blocks that are held.
+    /// The number of blocks that are cached.
     most: usize,
     /// The block read last at the end.
     blocks: Vec<(u32, Vec<f32>)>,
@@ -152,7 +152,7 @@ impl<R: Reads> PartRows<'_, R> {
     pub(crate) fn row(&mut self, row: usize) -> Result<&[f32], Error> {
         let per_block = point_rows_per_block(self.width.max(1));
         let block = (row / per_block) as u32;
-        let StoredPoints { state, name, layout, .. } = self.kept;
+        let StoredPoints { state, name, layout, .. } = self.stored;
         match self.blocks.iter().rposition(|(number, _)| *number == block) {
             Some(at) if at + 1 == self.blocks.len() => {}
             Some(at) => {
@@ -175,23 +175,23 @@ impl<R: Reads> PartRows<'_, R> {
     }
 }
 
-/// Keeps the points of a space of every row that has none yet.
-pub(crate) fn keep_points(transaction: &mut Transaction, name: &str, space: &Space) -> Result<(), Error> {
+/// Stores the points of a space for all rows that have none yet.
+pub(crate) fn store_points(transaction: &mut Transaction, name: &str, space: &Space) -> Result<(), Error> {
     let dims = space.dims();
     if transaction.points_layout(name)?.is_none_or(|layout| layout.widths != widths(dims)) {
         transaction.begin_points(name, &widths(dims))?;
     }
-    let nothing = pack(std::iter::repeat_n(NO_POINT, dims));
+    let no_codes = pack(std::iter::repeat_n(NO_POINT, dims));
     let rows = transaction.counts().rows as usize;
     let mut next = transaction.points_layout(name)?.map_or(0, |layout| layout.rows as usize);
-    // Some blocks at a time, so that a million rows take little memory.
+    // A few blocks at a time, so that a million rows take little memory.
     while next < rows {
         let end = ((next / DESCRIPTOR_ROWS + 16) * DESCRIPTOR_ROWS).min(rows);
-        let mut coded: Vec<f32> = nothing.repeat(end - next);
+        let mut coded: Vec<f32> = no_codes.repeat(end - next);
         let mut points = vec![f32::NAN; (end - next) * dims];
         for (row, point) in mapped_points(transaction, space, next..end)? {
             let at = row - next;
-            copy(&mut coded, at * nothing.len(), &pack(quantise(&point)));
+            copy(&mut coded, at * no_codes.len(), &pack(quantise(&point)));
             copy(&mut points, at * dims, &point);
         }
         transaction.append_points(name, &[&coded, &points])?;
@@ -206,7 +206,7 @@ fn copy(into: &mut [f32], at: usize, values: &[f32]) {
     }
 }
 
-/// Row and point of those rows of a range that have a point, mapped from their moments by `space`.
+/// The rows of a range that have a point, with their points, mapped from their moments by `space`.
 pub(crate) fn mapped_points(
     state: &impl Reads,
     space: &Space,
@@ -229,15 +229,15 @@ pub(crate) fn mapped_points(
     Ok(mapped)
 }
 
-/// The moments of one block of rows in the views of a recipe.
+/// The moments of one block of rows in the views of a feature set.
 pub(crate) struct BlockMoments {
     views: Vec<(View, Option<DescriptorBlock>)>,
 }
 
 impl BlockMoments {
-    pub(crate) fn read(state: &impl Reads, recipe: &FeatureSet, block: u32) -> Result<Self, Error> {
+    pub(crate) fn read(state: &impl Reads, feature_set: &FeatureSet, block: u32) -> Result<Self, Error> {
         let read = |&view: &View| Ok((view, state.descriptors(ViewCode(view.code()), block)?));
-        Ok(Self { views: recipe.views().iter().map(read).collect::<Result<_, Error>>()? })
+        Ok(Self { views: feature_set.views().iter().map(read).collect::<Result<_, Error>>()? })
     }
 
     /// The moments of a row of the block in a view.
@@ -245,13 +245,13 @@ impl BlockMoments {
         self.views.iter().find(|(other, _)| *other == view)?.1.as_ref()?.row(row)
     }
 
-    /// The point of a row of the block; `None` where it has none of the views.
+    /// The point of a row of the block; `None` if it has none of the views.
     fn point(&self, space: &Space, row: usize) -> Result<Option<Vec<f32>>, Error> {
-        let recipe = space.feature_set();
-        if recipe.views().iter().all(|&view| self.row(view, row).is_none()) {
+        let feature_set = space.feature_set();
+        if feature_set.views().iter().all(|&view| self.row(view, row).is_none()) {
             return Ok(None);
         }
-        Ok(Some(space.point(&recipe.features_from(|view| self.row(view, row))?)?))
+        Ok(Some(space.point(&feature_set.features_from(|view| self.row(view, row))?)?))
     }
 }
 
@@ -260,7 +260,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_are_packed_as_they_were() {
+    fn packed_codes_are_unpacked() {
         for dims in 1..40 {
             let all: Vec<i8> = (0..dims).map(|at| (at as i8).wrapping_mul(37).wrapping_sub(100)).collect();
             let packed = pack(all.iter().copied());

@@ -1,9 +1,10 @@
-//! A question and its hits.
+//! Queries and their answers.
 //!
-//! A [`Query`] names one or more examples (volumes, stored textures, descriptors), how many hits are wanted and what
-//! may be a hit; [`Database::query`](crate::Database::query) answers with an [`Answer`]: the textures nearest in a space,
-//! ordered by (distance, id), exactly.
+//! A [`Query`] has one or more examples (volumes, stored textures, descriptors), a number of hits and conditions that hits must
+//! meet. [`Database::query`](crate::Database::query) returns an [`Answer`]: the nearest textures in a space, ordered by
+//! (distance, id), exactly.
 
+mod described;
 mod execution;
 mod from_disk;
 pub(crate) mod pairs;
@@ -18,29 +19,32 @@ use std::time::Duration;
 
 use serde::Serialize;
 
+pub use described::DescribedVolume;
+
 use crate::database::scheme::DEFAULT_SPACE;
-use crate::database::texture::ContentHash;
 use crate::error::QueryError;
 use crate::index::IndexMethod;
 use crate::space::Descriptor;
 use crate::volume::Volume;
 use crate::{TagFilter, TextureId};
 
-/// What is looked for.
+/// An example: textures like it are wanted.
 #[derive(Clone, Debug)]
 enum Example<'a> {
     Volume(&'a Volume),
+    Described(&'a DescribedVolume),
     Texture(TextureId),
     Descriptor(Descriptor),
 }
 
-/// What several examples mean together.
+/// How several examples are combined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Combine {
-    /// Textures near the mean of the examples' points: like all of them.
+    /// Distances are from the mean of the examples' points: hits are like all examples.
     #[default]
     Mean,
-    /// Textures near any of them: the distance of a texture is that from the nearest example.
+    /// Distances are from the nearest example: hits are like any example.
     Min,
 }
 
@@ -60,19 +64,19 @@ impl fmt::Display for Combine {
     }
 }
 
-/// A name that no way to combine examples has.
+/// A text that is not the name of a [`Combine`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("examples are combined by their mean or their min, not by {0:?}: use mean or min")]
-pub struct UnknownCombine(String);
+#[error("'{}' is not a way to combine examples (mean, min)", .0.escape_debug())]
+pub struct ParseCombineError(String);
 
 impl FromStr for Combine {
-    type Err = UnknownCombine;
+    type Err = ParseCombineError;
 
-    fn from_str(name: &str) -> Result<Self, UnknownCombine> {
+    fn from_str(name: &str) -> Result<Self, ParseCombineError> {
         match name {
             "mean" => Ok(Self::Mean),
             "min" => Ok(Self::Min),
-            _ => Err(UnknownCombine(name.to_owned())),
+            _ => Err(ParseCombineError(name.to_owned())),
         }
     }
 }
@@ -80,7 +84,7 @@ impl FromStr for Combine {
 /// The number of hits where neither `k` nor a distance is given.
 const DEFAULT_K: usize = 10;
 
-/// A question: what is looked for, how many hits, and which textures may be hits.
+/// A search for textures like one or more examples.
 ///
 /// ```
 /// use hlacdb::Query;
@@ -97,7 +101,6 @@ pub struct Query<'a> {
     space: Option<String>,
     index: IndexMethod,
     exclude_self: bool,
-    exclude_content: Option<[u8; 32]>,
 }
 
 impl<'a> Query<'a> {
@@ -111,11 +114,10 @@ impl<'a> Query<'a> {
             space: None,
             index: IndexMethod::Auto,
             exclude_self: false,
-            exclude_content: None,
         }
     }
 
-    /// Refuses what has no answer.
+    /// Refuses a query that has no answer.
     fn check(&self) -> Result<(), QueryError> {
         if self.k == Some(0) {
             return Err(QueryError::ZeroK);
@@ -139,12 +141,18 @@ impl<'a> Query<'a> {
         self.space.as_deref().unwrap_or(DEFAULT_SPACE)
     }
 
-    /// Textures like this volume, which need not be in the store.
+    /// Textures like this volume, which need not be in the store. It is described in the views that the space uses, each time
+    /// the query is made; [`Query::described`] is faster for several queries with one volume.
     pub fn volume(volume: &'a Volume) -> Self {
         Self::new(vec![Example::Volume(volume)])
     }
 
-    /// Textures like a stored one.
+    /// Textures like a volume that [`Database::describe`](crate::Database::describe) has described.
+    pub fn described(volume: &'a DescribedVolume) -> Self {
+        Self::new(vec![Example::Described(volume)])
+    }
+
+    /// Textures like a stored texture.
     pub fn texture(id: impl Into<TextureId>) -> Self {
         Self::new(vec![Example::Texture(id.into())])
     }
@@ -154,100 +162,94 @@ impl<'a> Query<'a> {
         Self::new(vec![Example::Descriptor(descriptor)])
     }
 
-    /// Textures like several stored ones, by [`Combine::Mean`] unless said otherwise.
+    /// Textures like several stored textures, combined by [`Combine::Mean`] by default.
     pub fn textures(ids: impl IntoIterator<Item = impl Into<TextureId>>) -> Self {
         Self::new(ids.into_iter().map(|id| Example::Texture(id.into())).collect())
     }
 
-    /// A further example: a volume.
+    /// Adds a volume as an example.
     #[must_use]
     pub fn and_volume(mut self, volume: &'a Volume) -> Self {
         self.examples.push(Example::Volume(volume));
         self
     }
 
-    /// A further example: a stored texture.
+    /// Adds a stored texture as an example.
     #[must_use]
     pub fn and_texture(mut self, id: impl Into<TextureId>) -> Self {
         self.examples.push(Example::Texture(id.into()));
         self
     }
 
-    /// What several examples mean together; of one example both mean the same.
+    /// How several examples are combined. For one example it makes no difference.
     #[must_use]
     pub fn combine(mut self, combine: Combine) -> Self {
         self.combine = combine;
         self
     }
 
-    /// At most so many hits: 10 unless said, or all where [`Query::within`] is. No ceiling; 0 is an error.
+    /// The most hits. The default is 10, or no limit if [`Query::within`] is set. 0 is an error.
     #[must_use]
     pub fn k(mut self, k: usize) -> Self {
         self.k = Some(k);
         self
     }
 
-    /// Only hits at this distance or nearer: all of them, unless [`Query::k`] bounds their number.
+    /// Only hits at most this far away (inclusive): all of them, unless [`Query::k`] is set.
     #[must_use]
     pub fn within(mut self, distance: f64) -> Self {
         self.within = Some(distance);
         self
     }
 
-    /// Only textures that carry this tag; applied before `k`. Several filters must all hold.
+    /// Only textures that have this tag. Filters apply before [`Query::k`], and all must match.
     #[must_use]
     pub fn filter(mut self, key: impl Into<String>, value: impl Into<String>) -> Self {
         self.filters.push(TagFilter::equals(key, value));
         self
     }
 
-    /// Only textures for which all of these conditions hold as well.
+    /// Only textures that match all of these filters as well.
     #[must_use]
     pub fn filters(mut self, filters: impl IntoIterator<Item = TagFilter>) -> Self {
         self.filters.extend(filters);
         self
     }
 
-    /// In which space; `default` unless said.
+    /// The space whose distance is used. The default is [`DEFAULT_SPACE`].
     #[must_use]
     pub fn space(mut self, name: impl Into<String>) -> Self {
         self.space = Some(name.into());
         self
     }
 
-    /// By which index; the answer is the same to the bit.
+    /// How neighbours are searched. The answer is the same to the bit.
     #[must_use]
     pub fn index(mut self, index: IndexMethod) -> Self {
         self.index = index;
         self
     }
 
-    /// Leaves out the examples themselves: the stored textures asked by id, and those with a volume's content.
+    /// Leaves out the examples themselves: stored textures that are examples, and those with the content of a volume that is
+    /// one.
     #[must_use]
     pub fn exclude_self(mut self) -> Self {
         self.exclude_self = true;
         self
     }
-
-    /// Leaves out the stored texture with this content, if there is one. With [`Query::moments`] it does what
-    /// [`Query::exclude_self`] does with [`Query::volume`], and the volume is not described again.
-    #[must_use]
-    pub fn exclude_content(mut self, content: ContentHash) -> Self {
-        self.exclude_content = Some(content.0);
-        self
-    }
 }
 
-/// One texture of an answer.
+/// A texture in an answer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Hit {
-    /// Place in the answer, from 1.
+    /// Its position in the answer, from 1.
     pub rank: usize,
     /// The texture.
     pub id: TextureId,
     /// Its name.
     pub name: String,
-    /// How far its point is from the example's, in the units of the space; smaller is more alike.
+    /// The distance of its point from the example's; a smaller distance means more alike.
     pub distance: f64,
     /// Its tags.
     pub tags: BTreeMap<String, String>,
@@ -255,17 +257,18 @@ pub struct Hit {
 
 /// The answer to a [`Query`].
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Answer {
-    /// The space the distances are in.
+    /// The space whose distance was used.
     pub space: String,
-    /// The index that found the hits: `linear` (of points in memory, or, for the first question, on disk) or `kdtree`.
+    /// How the hits were found: `linear` (a scan of points in memory, or on disk for the first query) or `kdtree`.
     pub index: &'static str,
-    /// Which fit of the space answered; it rises by one with every fit.
+    /// The number of the fit of the space; it rises by one with every fit.
     pub epoch: u64,
-    /// The time of the search alone: from the example's point to the ranked hits.
+    /// The time that the search took, from the example's point to the ranked hits.
     #[serde(rename = "elapsed_us", serialize_with = "as_micros")]
     pub elapsed: Duration,
-    /// What was odd about the question, one sentence each; mostly nothing.
+    /// What the caller should know about the answer, one sentence each. Usually empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
     /// The hits, ordered by (distance, id).

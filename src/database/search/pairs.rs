@@ -1,28 +1,24 @@
-//! Questions about all textures at once: pairs that are nearly the same, and everybody's nearest neighbours.
+//! Pairs of textures that are nearly the same.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::TextureId;
-use crate::database::exchange::arrays::NpyRows;
 use crate::database::handle::Database;
 use crate::database::scheme::DEFAULT_SPACE;
 use crate::error::{Error, QueryError};
-use crate::index::{IndexMethod, KnnQuery};
-use crate::progress::Progress;
 use crate::store::Reads;
 
-/// Two textures that lie near one another.
+/// Two textures whose points are near one another.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct NearPair {
     /// The lower id.
     pub first: TextureId,
     /// The higher id.
     pub second: TextureId,
-    /// How far their points are apart.
+    /// The distance of their points.
     pub distance: f64,
     /// The name of the first.
     pub first_name: String,
@@ -30,17 +26,14 @@ pub struct NearPair {
     pub second_name: String,
 }
 
-/// Textures nearer than this in the space `default` are near-duplicates, unless another distance is said: a hundredth of
-/// the way between two points that have nothing in common (unit points at right angles are 1.41 apart), about what a
-/// little noise or a cut border does.
+/// The default distance up to which [`Database::near_pairs`] takes two textures as near-duplicates. In the space `default`,
+/// two points that have nothing in common are 1.41 apart; this is about a hundredth of that, which a little noise or a cut
+/// border causes.
 pub const DUPLICATE_DISTANCE: f64 = 0.015;
 
-/// So many textures are asked for between two looks at the progress.
-const TOGETHER: usize = 4096;
-
 impl Database {
-    /// All pairs of textures at most `within` apart (inclusive; [`DUPLICATE_DISTANCE`] where it is `None`) in a space, by
-    /// falling likeness, ties by ids. Memory grows with the number of pairs.
+    /// All pairs of textures whose distance in a space (by default [`DEFAULT_SPACE`]) is at most `within` (by default
+    /// [`DUPLICATE_DISTANCE`]), by ascending distance, ties by ids. Memory grows with the number of pairs.
     ///
     /// # Errors
     /// [`QueryError::Distance`], [`QueryError::NoSuchSpace`], [`Error::Store`].
@@ -70,49 +63,5 @@ impl Database {
                 second_name: name(pair.second),
             })
             .collect())
-    }
-
-    /// Writes the `k` nearest neighbours of every texture in the default space: `graph.npy` (N, k), their ids (`i64`,
-    /// nearest first, ties by id, itself left out, -1 where there are fewer), and `graph_distances.npy` (N, k), how far away
-    /// they are (`f64`, NaN there). Rows are in id order, as in `textures.csv`.
-    ///
-    /// # Errors
-    /// [`QueryError::ZeroK`], [`Error::Io`], [`Error::Store`], [`Error::Cancelled`].
-    pub(crate) fn write_graph(
-        &self,
-        folder: &Path,
-        k: usize,
-        progress: &dyn Progress,
-    ) -> Result<[&'static str; 2], Error> {
-        const FILES: [&str; 2] = ["graph.npy", "graph_distances.npy"];
-        if k == 0 {
-            return Err(QueryError::ZeroK.into());
-        }
-        let (snapshot, state) = self.points_with_tree(DEFAULT_SPACE)?;
-        let rows = snapshot.rows()?;
-        let live: Vec<u64> = rows.live().map(|(_, id)| id).collect();
-        let mut ids = NpyRows::create(&folder.join(FILES[0]), &[live.len(), k])?;
-        let mut distances = NpyRows::create(&folder.join(FILES[1]), &[live.len(), k])?;
-        progress.begin("neighbours", Some(live.len() as u64));
-        for some in live.chunks(TOGETHER) {
-            if progress.cancelled() {
-                return Err(Error::Cancelled);
-            }
-            let near = some.par_iter().map(|&id| match state.index.points().point(id) {
-                Some(point) => state.index.search(&KnnQuery::nearest(point, k).exclude(id), IndexMethod::Auto),
-                None => Ok(Vec::new()),
-            });
-            for near in near.collect::<Result<Vec<_>, _>>()? {
-                let missing = k - near.len();
-                let found: Vec<i64> = near.iter().map(|hit| hit.id as i64).collect();
-                ids.push(&[found, vec![-1; missing]].concat())?;
-                let found: Vec<f64> = near.iter().map(|hit| hit.distance).collect();
-                distances.push(&[found, vec![f64::NAN; missing]].concat())?;
-            }
-            progress.advance(some.len() as u64);
-        }
-        ids.finish()?;
-        distances.finish()?;
-        Ok(FILES)
     }
 }

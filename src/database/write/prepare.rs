@@ -1,9 +1,9 @@
-//! From a volume to what a transaction adds: the part of adding that runs on any thread.
+//! Preparing a texture: everything about adding it that needs no transaction, on any thread.
 
 use std::borrow::Cow;
 
 use crate::database::handle::Database;
-use crate::database::points::contributions::{contributions, full_sums, with_full};
+use crate::database::points::contributions::{self, contributions, full_sums};
 use crate::database::scheme::Scheme;
 use crate::database::texture::Meta;
 use crate::error::Error;
@@ -12,13 +12,13 @@ use crate::space::{Contribution, Descriptor};
 use crate::store::{CompressedVoxels, Content, NewTexture, Reads, ViewCode, Volumes};
 use crate::volume::Volume;
 
-/// A described texture on its way into the store. [`Database::prepare`] makes it on any thread, [`Database::commit`] adds
-/// it.
+/// A described texture that is ready to be added: made by [`Database::prepare`] on any thread, added by
+/// [`Database::commit`].
 #[derive(Debug)]
-pub struct Prepared(pub(crate) PreparedTexture<'static>);
+pub struct PreparedTexture(pub(crate) Preparation<'static>);
 
-impl Prepared {
-    /// About how many bytes the texture will take in the store.
+impl PreparedTexture {
+    /// The approximate number of bytes that the texture will take in the store.
     pub fn stored_bytes(&self) -> usize {
         let texture = &self.0.texture;
         let voxels = texture.voxels.as_ref().map_or(0, |voxels| voxels.bytes() as usize);
@@ -28,32 +28,32 @@ impl Prepared {
 
 /// A texture that may still have to be described. Its volume is hashed once, when this is made.
 #[derive(Debug)]
-pub(crate) struct PreparedTexture<'a> {
+pub(crate) struct Preparation<'a> {
     pub(crate) content: Content,
     pub(crate) texture: NewTexture,
-    pub(crate) state: Preparation<'a>,
+    pub(crate) state: PreparationState<'a>,
 }
 
 /// How far a texture is prepared.
 #[derive(Debug)]
-pub(crate) enum Preparation<'a> {
-    /// Completely. The contributions are what it adds to the statistics, one per feature set.
+pub(crate) enum PreparationState<'a> {
+    /// Described, with its contributions to the statistics, one per feature set.
     Described(Vec<Contribution>),
-    /// Not at all: its content was in the store already. If that texture is removed before the commit, the volume is
-    /// described during the commit.
+    /// Not described, since its content was in the store already. If that texture is removed before the commit, the volume
+    /// is described during the commit.
     Duplicate(Cow<'a, Volume>, Volumes),
 }
 
 impl Database {
-    /// Describes a volume for [`Database::commit`]. This is the costly part of adding, and runs on any thread.
+    /// Describes a volume for [`Database::commit`]. This is the expensive part of adding, and may run on any thread.
     ///
     /// A volume whose content is in the store already is not described.
     ///
     /// # Errors
-    /// [`Error::Store`] where the store cannot be read.
-    pub fn prepare(&self, volume: Volume, meta: Meta, volumes: Volumes) -> Result<Prepared, Error> {
+    /// [`Error::Store`] if the store cannot be read.
+    pub fn prepare(&self, volume: Volume, meta: Meta, volumes: Volumes) -> Result<PreparedTexture, Error> {
         let content = Content::of(&volume);
-        self.prepare_hashed(Cow::Owned(volume), content, meta.into_texture(), volumes).map(Prepared)
+        self.prepare_hashed(Cow::Owned(volume), content, meta.into_texture(), volumes).map(PreparedTexture)
     }
 
     /// As [`Database::prepare`], for a volume whose hash is known already.
@@ -63,19 +63,19 @@ impl Database {
         content: Content,
         texture: NewTexture,
         volumes: Volumes,
-    ) -> Result<PreparedTexture<'a>, Error> {
+    ) -> Result<Preparation<'a>, Error> {
         let snapshot = self.store().read()?;
         if snapshot.find(&content.hash)?.is_some() {
-            return Ok(PreparedTexture { content, texture, state: Preparation::Duplicate(volume, volumes) });
+            return Ok(Preparation { content, texture, state: PreparationState::Duplicate(volume, volumes) });
         }
         let scheme = Scheme::of(&snapshot);
         drop(snapshot);
         let (texture, contributions) = describe(&volume, content.clone(), texture, volumes, &scheme)?;
-        Ok(PreparedTexture { content, texture, state: Preparation::Described(contributions) })
+        Ok(Preparation { content, texture, state: PreparationState::Described(contributions) })
     }
 }
 
-/// The texture with everything that is stored of its volume, and what it adds to the statistics.
+/// The texture with everything that is stored of its volume, and its contributions to the statistics.
 pub(crate) fn describe(
     volume: &Volume,
     content: Content,
@@ -83,7 +83,7 @@ pub(crate) fn describe(
     volumes: Volumes,
     scheme: &Scheme,
 ) -> Result<(NewTexture, Vec<Contribution>), Error> {
-    let described = crate::describe(volume, &with_full(scheme.views()));
+    let described = contributions::describe(volume, scheme);
     let descriptor = Descriptor::from_sums(&described)?;
     texture.sums = full_sums(&described);
     let moments = |&view: &View| Some((ViewCode(view.code()), *descriptor.get(view)?));
@@ -139,7 +139,7 @@ mod tests {
         let prepared = database.prepare(volume.clone(), Meta::named("again"), Volumes::Keep).unwrap();
         let again = database.prepare(volume, Meta::named("again"), Volumes::Keep).unwrap();
         match &again.0.state {
-            Preparation::Duplicate(kept, _) => assert_eq!(kept.voxels().as_ptr(), voxels),
+            PreparationState::Duplicate(kept, _) => assert_eq!(kept.voxels().as_ptr(), voxels),
             other => panic!("{other:?}"),
         }
         assert_eq!(database.commit(vec![prepared]).unwrap(), [crate::Added::Duplicate(id)]);

@@ -14,7 +14,7 @@ use futures_util::stream::{self, Stream};
 use serde::{Deserialize, Serialize};
 
 use crate::ReindexOptions;
-use crate::ingest::{self, Options, Status};
+use crate::ingest::{self, IngestOptions, IngestStatus};
 use crate::serve::jobs::{Job, JobKind, JobOutcome, JobReport, JobState, Jobs};
 use crate::serve::parameters;
 use crate::serve::problem::{Problem, ProblemDocument, full_sentence};
@@ -42,10 +42,7 @@ pub(crate) async fn reindex(
     request: Option<Json<ReindexRequest>>,
 ) -> Result<Response, Problem> {
     app.check_writable()?;
-    let options = ReindexOptions {
-        reextract: request.is_some_and(|Json(request)| request.reextract),
-        ..ReindexOptions::default()
-    };
+    let options = ReindexOptions::new().reextract(request.is_some_and(|Json(request)| request.reextract));
     let report = Jobs::start(&app, JobKind::Reindex, move |app, job| match app.database.reindex(&options, job) {
         Ok(report) => Ok(JobOutcome {
             state: JobState::Done,
@@ -90,12 +87,16 @@ pub(crate) async fn ingest(
     if let Some(rule) = &request.intensity {
         reading.intensity = parameters::intensity(rule)?;
     }
-    let options = Options { reading, tags: request.tags, block, within: Some(root.clone()), ..Options::default() };
-    let path = app.heavy(move |_| Ok(ingest::confined(&root, &request.path)?)).await?;
+    let options = IngestOptions::new().reading(reading).tags(request.tags).relative_to(root.clone());
+    let options = match block {
+        Some(side) => options.block(side),
+        None => options,
+    };
+    let path = app.heavy(move |_| Ok(ingest::resolve_within(&root, &request.path)?)).await?;
     let report = Jobs::start(&app, JobKind::Ingest, move |app, job| {
         let mut failed = 0_u64;
         let mut report = ingest::ingest(&app.database, &[path], &options, job, &mut |event| {
-            if event.status == Status::Failed {
+            if event.status == IngestStatus::Failed {
                 failed += 1;
                 job.set_message(format!("{failed} failed, the last: {}", display_path(&event.path)));
             }

@@ -19,7 +19,7 @@ use crate::serve::state::App;
 use crate::serve::upload_cache::Upload;
 use crate::serve::volume_source::{VolumeSource, find_upload};
 use crate::volume::{self, Volume, display_path};
-use crate::{Answer, Combine, ContentHash, Error, Query, TagFilter, UnknownCombine};
+use crate::{Answer, Combine, Error, ParseCombineError, Query, TagFilter};
 
 /// The greatest number of hits in one response.
 const MAX_HITS: usize = 10_000;
@@ -159,7 +159,7 @@ fn by_example(app: &App, request: &QueryRequest) -> Result<Response, Problem> {
         (ids @ [_, ..], None, None) => {
             let combine = request.combine.as_deref().unwrap_or(Combine::Mean.name());
             let combine: Combine =
-                combine.parse().map_err(|error: UnknownCombine| Problem::bad_request(error.to_string()))?;
+                combine.parse().map_err(|error: ParseCombineError| Problem::bad_request(error.to_string()))?;
             let exclude_self = request.exclude_self.unwrap_or(true);
             let query = Query::textures(ids.iter().copied()).combine(combine);
             answer(app, if exclude_self { query.exclude_self() } else { query }, request, None)
@@ -209,9 +209,9 @@ fn by_form(app: &App, form: &UploadedForm) -> Result<Response, Problem> {
     };
     let name = path.file_name().map(|name| display_path(name.as_ref())).unwrap_or_default();
     let (volume, _) = volume::read(path, &reading).map_err(Error::from)?;
-    let descriptor = app.database.describe(&volume)?;
+    let described = app.database.describe(&volume)?;
     app.metrics.count_description();
-    let upload = app.uploads.insert(name, volume, descriptor).map_err(|error| {
+    let upload = app.uploads.insert(name, volume, described).map_err(|error| {
         tracing::error!(%error, "no random numbers for a token");
         Problem::internal()
     })?;
@@ -227,10 +227,8 @@ fn by_upload(app: &App, request: &QueryRequest, upload: &Upload) -> Result<Respo
         shape: upload.volume.shape(),
         channels: upload.volume.channels(),
     };
-    let mut query = Query::descriptor(upload.descriptor.clone());
-    if request.exclude_self == Some(true) {
-        query = query.exclude_content(ContentHash(upload.content));
-    }
+    let query = Query::described(&upload.described);
+    let query = if request.exclude_self == Some(true) { query.exclude_self() } else { query };
     answer(app, query, request, Some(summary))
 }
 

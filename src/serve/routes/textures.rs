@@ -18,7 +18,7 @@ use crate::serve::reply::{self, CachePolicy};
 use crate::serve::state::App;
 use crate::store::Provenance;
 use crate::volume::display_path;
-use crate::{BlockOf, Listed, Order, Selection, TagEdit, TagFilter, Texture};
+use crate::{BlockOf, CatalogueEntry, CatalogueOrder, CatalogueQuery, TagEdit, TagFilter, Texture};
 
 /// The greatest number of textures in one response.
 const MAX_PAGE: usize = 1000;
@@ -48,7 +48,7 @@ pub(crate) struct ListQuery {
 struct TextureList<'a> {
     total: usize,
     offset: usize,
-    textures: Vec<&'a Listed>,
+    textures: Vec<&'a CatalogueEntry>,
 }
 
 /// The `where=KEY=VALUE` parameters of a query.
@@ -69,14 +69,14 @@ pub(crate) async fn list(
     let sort = query.sort.as_deref().unwrap_or("id");
     let (descending, key) = sort.strip_prefix('-').map_or((false, sort), |key| (true, key));
     let order = match key {
-        "id" => Order::Id,
-        "name" => Order::Name,
-        "size" => Order::Size,
+        "id" => CatalogueOrder::Id,
+        "name" => CatalogueOrder::Name,
+        "size" => CatalogueOrder::Size,
         _ => {
             return Err(Problem::bad_request(format!("sort must be id, name or size (got '{}')", sort.escape_debug())));
         }
     };
-    let selection = Selection { filters: filters(&uri)?, text: query.text, order, descending };
+    let selection = CatalogueQuery::new().filters(filters(&uri)?).text(query.text).order(order).descending(descending);
     let (offset, limit) = (query.offset, query.limit.unwrap_or(DEFAULT_PAGE).min(MAX_PAGE));
     app.quick(move |app| {
         let catalogue = app.catalogue()?;
@@ -279,9 +279,9 @@ pub(crate) async fn add(State(app): State<Arc<App>>, form: Multipart) -> Result<
 }
 
 fn add_form(app: &App, form: &UploadedForm) -> Result<Response, Problem> {
-    let mut options = form.ingest_options(app)?;
+    let options = form.ingest_options(app)?;
     let volumes = form.volumes()?;
-    options.within = Some(volumes.root);
+    let options = options.relative_to(volumes.root);
     let report = ingest::ingest(&app.database, &volumes.paths, &options, &(), &mut |_| {})?;
     app.note_change()?;
     let roots = form.roots();

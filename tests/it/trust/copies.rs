@@ -82,7 +82,9 @@ fn exported_textures_are_imported_unchanged() {
         assert!(copy.verify(true, &()).unwrap().ok());
         for (before, after) in database.textures(&[]).unwrap().iter().zip(copy.textures(&[]).unwrap()) {
             let old = before.id;
-            assert_eq!(hlacdb::Texture { id: old, ..after.clone() }, *before);
+            let mut expected = after.clone();
+            expected.id = old;
+            assert_eq!(expected, *before);
             assert_eq!(database.volume(old).unwrap(), copy.volume(after.id).unwrap());
             assert_eq!(database.sums(old).unwrap(), copy.sums(after.id).unwrap());
             assert_eq!(database.descriptor(old).unwrap(), copy.descriptor(after.id).unwrap());

@@ -47,9 +47,7 @@ impl Act {
                 Err(Error::Store(hlacdb::StoreError::NoSuchTexture { .. })) => {}
                 removed => drop(removed?),
             },
-            Self::ReindexOptions => {
-                drop(database.reindex(&ReindexOptions { reextract: true, ..ReindexOptions::default() }, &())?)
-            }
+            Self::ReindexOptions => drop(database.reindex(&ReindexOptions::new().reextract(true), &())?),
             Self::Compact => drop(database.compact(&())?),
         }
         Ok(())

@@ -53,7 +53,7 @@ fn repair_restores_everything_derivable_to_the_bit() {
         assert!(Database::open(&path).unwrap().verify(true, &()).unwrap().ok(), "{what}");
         assert_eq!(told(&path), before, "{what}");
         let kept = path.with_file_name("textures.hlacdb.damaged");
-        let again = Database::repair(&kept, &RepairOptions { check_only: true, deep: false }, &());
+        let again = Database::repair(&kept, &RepairOptions::new().check_only(true), &());
         assert!(again.map_or(true, |kept| !kept.damage.is_empty()), "{what}: the damaged file is kept, damaged");
         std::fs::remove_file(kept).unwrap();
         assert_eq!(Database::open(&path).unwrap().add(&super::volume(77, 9), Default::default()).unwrap().id(), 10);
@@ -167,7 +167,7 @@ fn damaged_textures_are_quarantined_and_the_rest_works() {
     for n in [3, 7] {
         assert!(matches!(database.add(&super::volume(n, 9), Default::default()).unwrap(), hlacdb::Added::New(_)));
     }
-    database.reindex(&ReindexOptions { reextract: true, ..ReindexOptions::default() }, &()).unwrap();
+    database.reindex(&ReindexOptions::new().reextract(true), &()).unwrap();
     let verified = database.verify(true, &()).unwrap();
     assert!(verified.ok(), "{:?}", verified.damage);
     assert_eq!(database.quarantined().unwrap(), []);
@@ -193,7 +193,7 @@ fn damaged_points_and_moments_leave_answers_that_say_so() {
     edit(&path, flip(POINTS, 2, 300));
     let (after, warnings) = ask("default");
     assert_eq!(after, before);
-    assert!(warnings.iter().any(|warning| warning.contains("points are made anew")), "{warnings:?}");
+    assert!(warnings.iter().any(|warning| warning.contains("points are recomputed")), "{warnings:?}");
     for nth in 0..6 {
         edit(&path, flip(DESCRIPTORS, nth, 5000));
     }
