@@ -118,7 +118,7 @@ mod tests {
         let large = VolumeError::TooLarge { voxels: 9, limit: 8 };
         let error = ReadError::new("a.npy", large);
         let expected =
-            "a.npy: the header promises 9 voxels, more than the limit of 8: raise --max-voxels if the file is right";
+            "a.npy: the volume would have 9 voxels, more than the limit of 8: raise --max-voxels if the file is right";
         assert_eq!(Advice::on(&error).line(), expected);
         assert_eq!(Advice::on(&Error::from(error)).lines(), expected);
         let missing = Error::from(StoreError::NoSuchTexture { id: 7 });

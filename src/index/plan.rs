@@ -74,7 +74,7 @@ mod tests {
         assert_eq!(plan(1000, 100_000, 0, 251), Plan::BuildTree);
         assert_eq!(plan(200, 100_000, 0, 251), Plan::Scan);
         // A scan of few rows is as fast as a tree.
-        assert_eq!(plan(1_000_000, 4000, 0, 32), Plan::Scan);
+        assert_eq!(plan(1_000_000, 3000, 0, 32), Plan::Scan);
         assert_eq!(plan(0, 1_000_000, 0, 32), Plan::Scan);
         assert_eq!(plan(1000, 0, 0, 32), Plan::Scan);
     }

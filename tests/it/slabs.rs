@@ -145,7 +145,7 @@ fn what_does_not_fit_is_told_in_a_sentence() {
         let small = folder.path().join("small.npy");
         write_npy(&small, &stripes(8, 1));
         let said = refused(1, &[text(&small), "--spacing", "4", "--slab-memory", memory]);
-        assert!(said.contains("small.npy: the volume is 8 x 8 x 8") && said.contains("smaller spacing"), "{said}");
+        assert!(said.contains("small.npy: the volume is 8 x 8 x 8") && said.contains("smaller --spacing"), "{said}");
     }
     assert!(refused(1, &[text(&path), "--region", "nowhere.npy"]).contains("nowhere.npy: opening the file failed"));
     for variant in ["sampled", "hit-sum"] {

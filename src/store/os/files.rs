@@ -15,7 +15,10 @@ pub(crate) fn open(path: &Path, writing: bool) -> Result<File, OpenError> {
     let io = |source| OpenError::Io { doing: "opening", path: path.into(), source };
     let foreign = |found: String| OpenError::NotAStore { path: path.into(), found };
     // Opening a FIFO would block, so its type is checked first.
-    let kind = fs::metadata(path).map_err(io)?;
+    let kind = fs::metadata(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => OpenError::NoStore { path: path.into() },
+        _ => io(source),
+    })?;
     if kind.is_dir() {
         return Err(foreign("a folder".into()));
     }

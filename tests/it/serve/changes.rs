@@ -27,7 +27,7 @@ fn uploaded_files_are_listed_at_once() {
     assert_eq!(report["ids"], json!([9, 1]));
     let failed = &report["failed"][0];
     assert_eq!(failed["path"], "notes.txt");
-    assert!(failed["error"].as_str().unwrap().starts_with("notes.txt: the kind of file is not known"), "{failed}");
+    assert!(failed["error"].as_str().unwrap().starts_with("notes.txt: the file format is not recognised"), "{failed}");
     let texture = server.json("textures/9");
     assert_eq!((&texture["name"], &texture["file"]), (&json!("new ball.npy"), &json!("new ball.npy")));
     assert_eq!(texture["tags"], json!({"kind": "ball", "site": "a=b"}));

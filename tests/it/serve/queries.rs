@@ -133,7 +133,7 @@ fn wrong_queries_are_refused_with_a_sentence() {
         (json!({"ids": []}), 400, "example"),
         (json!({"ids": [1], "upload": "x"}), 400, "one kind"),
         (json!({"upload": "x"}), 404, "upload"),
-        (json!({"ids": [1], "k": 0}), 422, "k is 0"),
+        (json!({"ids": [1], "k": 0}), 422, "k must be >= 1"),
         (json!({"ids": [1], "k": 100_000_000}), 400, "10000"),
         (json!({"ids": [1], "within": -1}), 422, "-1"),
         (json!({"ids": [1], "space": "hyper"}), 422, "'hyper'"),

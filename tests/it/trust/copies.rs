@@ -117,8 +117,8 @@ fn a_list_that_lies_is_refused_in_one_sentence() {
     refused("", "is empty");
     refused("{\"format\":\"x\",\"version\":1}\n", "'x' version 1");
     refused(&list.replacen("\"version\":1", "\"version\":2", 1), "up to version 1");
-    refused(&list.replace("voxels/00000002.npy", "../textures.hlacdb"), "no array of an export");
-    refused(&list.replace("voxels/00000002.npy", "voxels/.."), "no array of an export");
+    refused(&list.replace("voxels/00000002.npy", "../textures.hlacdb"), "not an array of an archive");
+    refused(&list.replace("voxels/00000002.npy", "voxels/.."), "not an array of an archive");
     refused(&list.replace("voxels/00000002.npy", "voxels/00000001.npy"), "hash");
     refused(&list[..list.len() - 9], "cannot be read");
     let voxels = out.join("voxels/00000003.npy");

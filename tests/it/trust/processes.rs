@@ -142,7 +142,7 @@ fn readers_follow_one_writer_and_a_second_writer_is_refused() {
     let took = began.elapsed();
     let said = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert_eq!(refused.status.code(), Some(1), "{said}");
-    assert!(said.contains("is open for writing elsewhere") && said.contains("help: wait"), "{said}");
+    assert!(said.contains("is open for writing elsewhere") && said.contains("wait for that process"), "{said}");
     if cfg!(target_os = "linux") {
         assert!(said.contains(&format!("(process {pid})")), "{said}");
     }

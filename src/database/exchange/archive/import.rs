@@ -114,8 +114,11 @@ impl Import<'_> {
     }
 
     fn folder(&mut self, progress: &dyn Progress) -> Result<(), Error> {
-        let open = |name: &str| File::open(self.path.join(name)).map_err(|source| self.failed(source));
-        let mut list = BufReader::new(open(LIST)?);
+        let list = File::open(self.path.join(LIST)).map_err(|source| match source.kind() {
+            io::ErrorKind::NotFound => self.invalid(format!("it contains no {LIST}")),
+            _ => self.failed(source),
+        })?;
+        let mut list = BufReader::new(list);
         self.check_heading(&mut list)?;
         progress.begin("importing", None);
         while let Some(line) = self.read_line::<Line>(&mut list)? {

@@ -27,7 +27,7 @@ pub(super) struct Slice {
 /// The decoder of a slice.
 enum Pixels {
     #[cfg(feature = "tiff")]
-    Tiff(SinglePage),
+    Tiff(Box<SinglePage>),
     #[cfg(feature = "images")]
     Picture {
         decoder: Box<dyn ImageDecoder>,
@@ -45,7 +45,7 @@ impl Slice {
     #[cfg(feature = "tiff")]
     fn open_tiff(path: &Path) -> Result<Self, VolumeError> {
         let page = SinglePage::open(path).map_err(|error| undecodable(path, &error))?;
-        Ok(Self { format: page.format(), pixels: Pixels::Tiff(page) })
+        Ok(Self { format: page.format(), pixels: Pixels::Tiff(Box::new(page)) })
     }
 
     #[cfg(not(feature = "tiff"))]
