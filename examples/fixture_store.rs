@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let meta = Meta::named(format!("texture {n}")).tag("parity", if n % 2 == 0 { "even" } else { "odd" });
         database.add(&texture(n), meta.path(format!("/scans/{n}.npy")))?;
     }
-    database.remove(&[3])?;
+    database.remove([3])?;
     database.reindex(&ReindexOptions::default(), &())?;
     database.compact(&())?;
     database.add(&texture(7), Meta::named("texture 7").tag("parity", "odd"))?;

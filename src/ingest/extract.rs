@@ -236,7 +236,7 @@ struct Region {
 impl Region {
     /// Every voxel that is not 0 becomes 255, whether it was 1 of 65535 or -1.
     fn read(path: &Path, reading: &ReadOptions) -> Result<Self, ReadError> {
-        let reading = reading.clone().intensity(Intensity::NonZero);
+        let reading = reading.intensity(Intensity::NonZero);
         Ok(Self { path: path.into(), volume: volume::read(path, &reading)?.0 })
     }
 }

@@ -137,7 +137,8 @@ pub(super) fn slice_means(
     rows: &[Range<usize>],
     columns: &[Range<usize>],
 ) -> Vec<u8> {
-    let slice = &[index..index + 1];
+    let one = index..index + 1;
+    let slice = std::slice::from_ref(&one);
     volume.box_means(match axis {
         SliceAxis::Z => [slice, rows, columns],
         SliceAxis::Y => [rows, slice, columns],

@@ -72,10 +72,10 @@ impl Run {
             Step::Add { texture: number } => self.add(number),
             Step::Remove { which } => match self.pick(which) {
                 Some(id) => {
-                    assert_eq!(self.database().remove(&[id]).unwrap(), [id]);
+                    assert_eq!(self.database().remove([id]).unwrap(), [id]);
                     self.model.remove(&id);
                 }
-                None => assert!(self.database().remove(&[1]).is_err()),
+                None => assert!(self.database().remove([1]).is_err()),
             },
             Step::Tag { which, value } => {
                 if let Some(id) = self.pick(which) {

@@ -162,7 +162,7 @@ fn an_import_in_parts_is_an_import() {
     }
     // An extreme that goes is looked for anew.
     let lowest = |database: &Database| database.statistics().unwrap().statistics.min;
-    parts.remove(&[1, 7]).unwrap();
+    parts.remove([1, 7]).unwrap();
     assert!(parts.verify(false, &()).unwrap().ok() && lowest(&parts).len() == MASK_COUNT);
 }
 
@@ -199,7 +199,7 @@ fn several_examples_mean_their_mean_or_any_of_them() {
     let mut expected: Vec<(f64, u64)> =
         one.iter().map(|(id, distance)| (distance.min(other[id]), *id)).filter(|(_, id)| *id > 2).collect();
     expected.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let any = database.query(&Query::textures(&[1, 2]).combine(Combine::Min).k(20).exclude_self()).unwrap();
+    let any = database.query(&Query::textures([1, 2]).combine(Combine::Min).k(20).exclude_self()).unwrap();
     let found: Vec<(f64, u64)> = any.hits.iter().map(|hit| (hit.distance, hit.id.get())).collect();
     assert_eq!(found, expected[..20]);
 
@@ -244,7 +244,7 @@ fn the_graph_is_everybodys_answer() {
     let database = open(&folder.path().join("t"), &[View::Full]);
     let rows: Vec<Moments> = (0..7).map(|n| moments(n % 3, 10 + n)).collect();
     import(&database, folder.path(), &rows, "a");
-    database.remove(&[2]).unwrap();
+    database.remove([2]).unwrap();
     let out = folder.path().join("out");
     let report = database.export(&out, Some(8), &()).unwrap();
     assert_eq!((report.textures, report.files.len()), (6, 5));

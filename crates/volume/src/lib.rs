@@ -32,6 +32,15 @@
 //! out, so that the error for such a file can say so.
 
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    test,
+    allow(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::single_range_in_vec_init,
+        reason = "a test that panics has failed, and a list of ranges may hold one"
+    )
+)]
 
 mod discovery;
 mod error;

@@ -98,7 +98,7 @@ mod tests {
         database.tag(id, &TagEdit::new().set("a", "b")).unwrap();
         let second = database.catalogue(database.revision().unwrap()).unwrap();
         assert_eq!((first.get(id).unwrap().tag("a"), second.get(id).unwrap().tag("a")), (None, Some("b")));
-        database.remove(&[id]).unwrap();
+        database.remove([id]).unwrap();
         assert!(database.catalogue(database.revision().unwrap()).unwrap().textures().is_empty());
     }
 }

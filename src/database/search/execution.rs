@@ -32,7 +32,7 @@ impl Database {
         let source = |snapshot: &Snapshot| self.point_source(snapshot, query.space_name(), query.index, query.limit());
         match Execution::new(self, source).and_then(|execution| execution.answer(query)) {
             // Points in memory may not need what is damaged in the file: they can be recomputed.
-            Err(error) if error.is_damage() => self.from_memory(query, &[query.limit()])?.answer(query),
+            Err(error) if error.is_damage() => self.execute_in_memory(query, &[query.limit()])?.answer(query),
             answer => answer,
         }
     }
@@ -54,14 +54,14 @@ impl Database {
         for batch in batches.values() {
             let ks: Vec<usize> = batch.iter().map(|query| query.limit()).collect();
             if let Some(first) = batch.first() {
-                self.from_memory(first, &ks)?;
+                self.execute_in_memory(first, &ks)?;
             }
         }
-        queries.par_iter().map(|query| self.from_memory(query, &[])?.answer(query)).collect()
+        queries.par_iter().map(|query| self.execute_in_memory(query, &[])?.answer(query)).collect()
     }
 
     /// The execution of a query on points in memory, made ready for queries for these numbers of neighbours.
-    fn from_memory(&self, query: &Query<'_>, ks: &[usize]) -> Result<Execution<'_>, Error> {
+    fn execute_in_memory(&self, query: &Query<'_>, ks: &[usize]) -> Result<Execution<'_>, Error> {
         Execution::new(self, |snapshot| {
             self.points_in_memory(snapshot, query.space_name(), query.index, ks).map(PointSource::Memory)
         })

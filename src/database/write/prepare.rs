@@ -143,7 +143,7 @@ mod tests {
             other => panic!("{other:?}"),
         }
         assert_eq!(database.commit(vec![prepared]).unwrap(), [crate::Added::Duplicate(id)]);
-        database.remove(&[id]).unwrap();
+        database.remove([id]).unwrap();
         let added = database.commit(vec![again]).unwrap();
         assert_eq!(added, [crate::Added::New((id.get() + 1).into())]);
         assert!(database.verify(true, &()).unwrap().ok());

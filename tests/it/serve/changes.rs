@@ -222,7 +222,7 @@ fn a_read_only_server_follows_another_writer() {
     let id = writer.add(&ball(16, 12), Meta::named("late").tag("kind", "late")).unwrap().id().get();
     assert_eq!(server.json("textures?where=kind=late")["textures"][0]["id"], id);
     assert_eq!(server.post("query", &json!({"ids": [id], "k": 2})).json()["hits"].as_array().unwrap().len(), 2);
-    writer.remove(&[id]).unwrap();
+    writer.remove([id]).unwrap();
     assert_eq!(server.json("textures")["total"], 8);
     server.post("query", &json!({"ids": [id]})).problem(404);
 }

@@ -20,7 +20,7 @@ fn a_backup_beside_a_writer_is_one_consistent_state() {
         scope.spawn(|| {
             for n in 100..110 {
                 let id = database.add(&volume(n, 9), Meta::named("guest")).unwrap().id();
-                database.remove(&[id]).unwrap();
+                database.remove([id]).unwrap();
             }
             done.store(true, Ordering::SeqCst);
         });
@@ -70,7 +70,7 @@ fn exported_textures_are_imported_unchanged() {
         let odd = Path::new(std::ffi::OsStr::from_bytes(b"/scans/\xff\xfe.nrrd"));
         database.add(&volume(51, 9), Meta::named("odd").path(odd)).unwrap();
     }
-    database.remove(&[2]).unwrap();
+    database.remove([2]).unwrap();
     for target in ["out", "out.tar"].map(|name| folder.path().join(name)) {
         let report = database.export_textures(&target, &()).unwrap();
         assert_eq!((report.textures, report.with_voxels, report.damaged.len()), (8, 7, 0));

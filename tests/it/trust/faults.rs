@@ -43,7 +43,7 @@ impl Act {
                 database.commit(prepared)?;
             }
             Self::Tag => drop(database.tag(1, &TagEdit::new().set("mood", "calm").unset("third"))?),
-            Self::Remove => match database.remove(&[2, 3]) {
+            Self::Remove => match database.remove([2, 3]) {
                 Err(Error::Store(hlacdb::StoreError::NoSuchTexture { .. })) => {}
                 removed => drop(removed?),
             },
@@ -81,7 +81,7 @@ fn start() -> Vec<u8> {
     for n in 1..=8 {
         database.add(&volume(n, 9), Meta::named(n.to_string()).tag("third", (n % 3).to_string())).unwrap();
     }
-    database.remove(&[5]).unwrap();
+    database.remove([5]).unwrap();
     let epoch = database.query(&Query::texture(1).k(1)).unwrap().epoch;
     assert_eq!(epoch, FITS_AT_START);
     drop(database);

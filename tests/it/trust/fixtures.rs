@@ -27,7 +27,7 @@ fn a_store_of_every_released_version_is_read_changed_and_verified() {
         let hits = database.query(&Query::texture(2).k(10)).unwrap().hits;
         assert_eq!((hits.len(), hits[0].id.get(), hits[0].distance), (6, 2, 0.0));
         assert_eq!(database.add(&volume(9, 9), Meta::named("new")).unwrap().id(), 8);
-        database.remove(&[1]).unwrap();
+        database.remove([1]).unwrap();
         database.reindex(&ReindexOptions::new().reextract(true), &()).unwrap();
         database.compact(&()).unwrap();
         assert!(database.verify(true, &()).unwrap().ok());

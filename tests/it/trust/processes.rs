@@ -219,7 +219,7 @@ fn queries_see_whole_states_beside_a_writer() {
             if round % 3 == 0 {
                 let gone = ids.remove(ids.len() / 2);
                 note(&ids);
-                database.remove(&[gone]).unwrap();
+                database.remove([gone]).unwrap();
             }
             if round % 7 == 0 {
                 database.reindex(&ReindexOptions::default(), &()).unwrap();

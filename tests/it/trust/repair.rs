@@ -23,7 +23,7 @@ fn repair_restores_everything_derivable_to_the_bit() {
     let folder = tempfile::tempdir().unwrap();
     let path = filled(folder.path(), 9, 9);
     // Rows with a tombstone among them are the harder case.
-    Database::open(&path).unwrap().remove(&[4]).unwrap();
+    Database::open(&path).unwrap().remove([4]).unwrap();
     let whole = std::fs::read(&path).unwrap();
     let before = told(&path);
     let changes: Vec<(&str, Change)> = vec![
@@ -163,7 +163,7 @@ fn damaged_textures_are_quarantined_and_the_rest_works() {
     assert_eq!(std::fs::metadata(&path).unwrap().len(), whole.len() as u64);
     // Removed by its owner, the content can be added anew.
     let database = Database::open(&path).unwrap();
-    assert_eq!(database.remove(&[3, 7]).unwrap(), [3, 7]);
+    assert_eq!(database.remove([3, 7]).unwrap(), [3, 7]);
     for n in [3, 7] {
         assert!(matches!(database.add(&super::volume(n, 9), Default::default()).unwrap(), hlacdb::Added::New(_)));
     }
