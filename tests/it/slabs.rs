@@ -150,7 +150,7 @@ fn what_does_not_fit_is_told_in_a_sentence() {
     assert!(refused(1, &[text(&path), "--region", "nowhere.npy"]).contains("nowhere.npy: opening the file failed"));
     for variant in ["sampled", "hit-sum"] {
         let said = refused(2, &[text(&path), "--variant", variant, "--spacing", "2"]);
-        assert!(said.contains("--spacing and --region are for exact sums"), "{said}");
+        assert!(said.contains("--spacing and --region need --variant exact"), "{said}");
     }
     refused(2, &[text(&path), "--spacing", "3"]);
     let (bare, words) = bare(folder.path());

@@ -124,5 +124,5 @@ fn a_list_that_lies_is_refused_in_one_sentence() {
     let voxels = out.join("voxels/00000003.npy");
     let whole = fs::read(&voxels).unwrap();
     fs::write(&voxels, &whole[..whole.len() - 1]).unwrap();
-    refused(&list, "texture 3: its array ends early");
+    refused(&list, "texture 3: its array cannot be read: the data ends after 728 of the 729 bytes");
 }
