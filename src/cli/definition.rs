@@ -166,7 +166,7 @@ impl Cli {
             #[cfg(feature = "serve")]
             Command::Serve(command) => command.run(context),
             Command::Masks(command) => command.run(context),
-            Command::Completions(command) => command.run(context),
+            Command::Completions(command) => command.run(context, &mut Self::command()),
         }
     }
 }

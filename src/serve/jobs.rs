@@ -9,7 +9,6 @@ use serde::Serialize;
 use tokio::sync::watch;
 
 use super::problem::Problem;
-use super::state::App;
 use crate::{Error, Progress, chain};
 
 /// How many jobs are remembered, running ones included.
@@ -34,7 +33,7 @@ pub(crate) enum JobKind {
 }
 
 impl JobKind {
-    const fn name(self) -> &'static str {
+    pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Reindex => "reindex",
             Self::Ingest => "ingest",
@@ -93,7 +92,7 @@ impl Job {
         self.report.borrow().state == JobState::Running
     }
 
-    fn end(&self, outcome: Result<JobOutcome, Problem>) {
+    pub(super) fn end(&self, outcome: Result<JobOutcome, Problem>) {
         self.report.send_modify(|report| match outcome {
             Ok(JobOutcome { state, message }) => (report.state, report.message) = (state, message),
             Err(problem) => {
@@ -159,33 +158,11 @@ impl Jobs {
         self.lock().values().filter(|job| job.is_running()).count()
     }
 
-    /// Starts a job on a thread of its own.
+    /// Adds a job of this kind.
     ///
     /// # Errors
     /// 409 if too many jobs are running, or a second reindex is asked for.
-    pub(crate) fn start(
-        app: &Arc<App>,
-        kind: JobKind,
-        work: impl FnOnce(&App, &Job) -> Result<JobOutcome, Problem> + Send + 'static,
-    ) -> Result<JobReport, Problem> {
-        let job = app.jobs.register(kind, app.stopping.clone())?;
-        let (app, running) = (Arc::clone(app), Arc::clone(&job));
-        // A thread of the runtime would be joined when the server stops; this one is only asked to stop.
-        let started = std::thread::Builder::new().name(kind.name().to_owned()).spawn(move || {
-            let work = std::panic::AssertUnwindSafe(|| work(&app, &running));
-            let outcome = std::panic::catch_unwind(work).unwrap_or_else(|_| Err(Problem::internal()));
-            // What was committed before a failure becomes visible too.
-            let _ = app.note_change();
-            running.end(outcome.map_err(|problem| problem.relative_to(&app.roots)));
-        });
-        if let Err(error) = started {
-            tracing::error!(%error, "cannot start a thread for a job");
-            job.end(Err(Problem::internal()));
-        }
-        Ok(job.report())
-    }
-
-    fn register(&self, kind: JobKind, stopping: watch::Receiver<bool>) -> Result<Arc<Job>, Problem> {
+    pub(super) fn register(&self, kind: JobKind, stopping: watch::Receiver<bool>) -> Result<Arc<Job>, Problem> {
         let mut jobs = self.lock();
         let running: Vec<JobKind> =
             jobs.values().filter(|job| job.is_running()).map(|job| job.report.borrow().kind).collect();

@@ -17,7 +17,7 @@ use tower_http::compression::predicate::{DefaultPredicate, NotForContentType, Pr
 
 use super::options::{ServeError, ServerOptions};
 use super::state::App;
-use super::{assets, metrics, middleware, openapi};
+use super::{assets, middleware, openapi};
 use crate::Database;
 
 /// How long a client may take to send the head of a request, and how long a connection may be idle.
@@ -154,6 +154,6 @@ pub(crate) fn router(app: &Arc<App>) -> Router {
         .layer(DefaultBodyLimit::max(limit))
         .layer(compression)
         .layer(from_fn_with_state(Arc::clone(app), middleware::handle))
-        .layer(from_fn_with_state(Arc::clone(app), metrics::count))
+        .layer(from_fn_with_state(Arc::clone(app), middleware::count))
         .with_state(Arc::clone(app))
 }

@@ -1,22 +1,15 @@
 //! Metrics for Prometheus.
 
 use std::fmt;
-use std::sync::Arc;
 use std::time::Duration;
 
-use axum::extract::{MatchedPath, Request, State};
-use axum::http::{Method, header};
-use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
+use axum::http::Method;
 use prometheus_client::encoding::{EncodeLabelSet, text};
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::{Registry, Unit};
-
-use super::problem::Problem;
-use super::state::App;
 
 #[derive(Clone, Debug, Hash, PartialEq, Eq, EncodeLabelSet)]
 struct RequestLabels {
@@ -82,39 +75,23 @@ impl Metrics {
         self.descriptions.inc();
     }
 
-    fn count_request(&self, method: &Method, route: &str, status: u16, elapsed: Duration) {
+    pub(crate) fn count_request(&self, method: &Method, route: &str, status: u16, elapsed: Duration) {
         let labels = RequestLabels { method: method.to_string(), route: route.to_owned(), status };
         self.requests.get_or_create(&labels).inc();
         self.latency.get_or_create(&RouteLabels { route: route.to_owned() }).observe(elapsed.as_secs_f64());
     }
 
-    fn text(&self) -> Result<String, fmt::Error> {
+    /// Sets what is read from the store and the jobs when the metrics are asked for.
+    pub(crate) fn set_state(&self, textures: u64, revision: u64, running: usize) {
+        self.textures.set(textures as i64);
+        self.revision.set(revision as i64);
+        self.running.set(running as i64);
+    }
+
+    /// All metrics in the OpenMetrics text format.
+    pub(crate) fn text(&self) -> Result<String, fmt::Error> {
         let mut buffer = String::new();
         text::encode(&mut buffer, &self.registry)?;
         Ok(buffer)
     }
-}
-
-/// Counts every request by its route, so that ids do not create time series of their own.
-pub(crate) async fn count(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
-    let began = std::time::Instant::now();
-    let method = request.method().clone();
-    let route = request.extensions().get::<MatchedPath>().map_or("(page)", MatchedPath::as_str).to_owned();
-    let response = next.run(request).await;
-    app.metrics.count_request(&method, &route, response.status().as_u16(), began.elapsed());
-    response
-}
-
-/// Metrics of the server in the OpenMetrics text format
-#[utoipa::path(get, path = "/metrics", tag = "server", responses((status = 200, body = String, content_type = "text/plain")))]
-pub(crate) async fn metrics(State(app): State<Arc<App>>) -> Result<Response, Problem> {
-    app.quick(|app| {
-        app.metrics.textures.set(app.database.len()? as i64);
-        app.metrics.revision.set(app.database.revision()? as i64);
-        app.metrics.running.set(app.jobs.running() as i64);
-        let text = app.metrics.text().map_err(|_| Problem::internal())?;
-        let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-        Ok(([(header::CONTENT_TYPE, kind), (header::CACHE_CONTROL, "no-store")], text).into_response())
-    })
-    .await
 }

@@ -11,10 +11,9 @@ use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::metrics;
 use super::problem::{Problem, ProblemDocument};
 use super::reply::{self, CachePolicy};
-use super::routes::{jobs, pictures, query, store, textures, voxels};
+use super::routes::{jobs, metrics, pictures, query, store, textures, voxels};
 use super::state::App;
 
 #[derive(OpenApi)]

@@ -11,7 +11,7 @@ use quick_cache::Weighter;
 use quick_cache::sync::Cache;
 use tokio::sync::watch;
 
-use super::jobs::Jobs;
+use super::jobs::{Job, JobKind, JobOutcome, JobReport, Jobs};
 use super::limits::ConcurrencyLimit;
 use super::metrics::Metrics;
 use super::options::{ServeError, ServerOptions};
@@ -191,5 +191,31 @@ impl App {
             return Err(Problem::new(StatusCode::FORBIDDEN, detail));
         }
         Ok(())
+    }
+
+    /// Starts a job on a thread of its own.
+    ///
+    /// # Errors
+    /// 409 if too many jobs are running, or a second reindex is asked for.
+    pub(crate) fn start_job(
+        self: &Arc<Self>,
+        kind: JobKind,
+        work: impl FnOnce(&Self, &Job) -> Result<JobOutcome, Problem> + Send + 'static,
+    ) -> Result<JobReport, Problem> {
+        let job = self.jobs.register(kind, self.stopping.clone())?;
+        let (app, running) = (Arc::clone(self), Arc::clone(&job));
+        // A thread of the runtime would be joined when the server stops; this one is only asked to stop.
+        let started = std::thread::Builder::new().name(kind.name().to_owned()).spawn(move || {
+            let work = std::panic::AssertUnwindSafe(|| work(&app, &running));
+            let outcome = std::panic::catch_unwind(work).unwrap_or_else(|_| Err(Problem::internal()));
+            // What was committed before a failure becomes visible too.
+            let _ = app.note_change();
+            running.end(outcome.map_err(|problem| problem.relative_to(&app.roots)));
+        });
+        if let Err(error) = started {
+            tracing::error!(%error, "cannot start a thread for a job");
+            job.end(Err(Problem::internal()));
+        }
+        Ok(job.report())
     }
 }

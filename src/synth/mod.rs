@@ -33,13 +33,15 @@ mod fractal;
 mod noise;
 mod nuisance;
 mod random;
+mod range;
 mod recipe;
 mod rotation;
 mod specimen;
 
 pub use error::RecipeError;
 pub use nuisance::{Distortion, Nuisance, ParseNuisanceError};
-pub use recipe::{ParameterLimits, ParameterRange, Recipe, RecipeGroup};
+pub use range::{ParameterLimits, ParameterRange};
+pub use recipe::{Recipe, RecipeGroup};
 pub use rotation::Rotation;
 pub use specimen::Specimen;
 

@@ -1,13 +1,13 @@
 //! Recipes: descriptions of synthetic data sets.
 
 use std::collections::{BTreeMap, HashSet};
-use std::fmt;
 
 use serde::Deserialize;
-use serde::de::{Deserializer, SeqAccess, Visitor};
+use serde::de::Deserializer;
 
 use super::families::{FAMILIES, Family};
-use super::{Nuisance, RecipeError, Specimen, builtin, builtin_names};
+use super::range::{NumbersVisitor, ParameterLimits, ParameterRange};
+use super::{Nuisance, RecipeError, builtin, builtin_names};
 use crate::volume::{MIN_SIDE, Shape};
 
 /// The longest side of a texture, in voxels.
@@ -16,87 +16,6 @@ const MAX_SIDE: u64 = 512;
 const MAX_VOXELS: u64 = 1 << 27;
 /// The most textures of a recipe.
 const MAX_TEXTURES: u64 = 1_000_000;
-
-/// The numbers from `low` to `high`. In a recipe: a number (fixed) or `[low, high]`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ParameterRange {
-    /// The lowest number.
-    pub low: f64,
-    /// The highest number.
-    pub high: f64,
-}
-
-/// The numbers that a range may contain.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ParameterLimits {
-    /// The lowest number allowed.
-    pub low: f64,
-    /// The highest number allowed.
-    pub high: f64,
-    /// Whether the numbers must be whole.
-    pub whole: bool,
-}
-
-impl ParameterLimits {
-    fn contain(&self, range: ParameterRange) -> bool {
-        let whole = |v: f64| !self.whole || v == v.trunc();
-        // Comparisons with NaN are false, so NaN is not contained.
-        self.low <= range.low
-            && range.low <= range.high
-            && range.high <= self.high
-            && whole(range.low)
-            && whole(range.high)
-    }
-}
-
-impl fmt::Display for ParameterRange {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.low == self.high { write!(f, "{}", self.low) } else { write!(f, "[{}, {}]", self.low, self.high) }
-    }
-}
-
-impl fmt::Display for ParameterLimits {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} to {}{}", self.low, self.high, if self.whole { ", whole numbers" } else { "" })
-    }
-}
-
-impl<'de> Deserialize<'de> for ParameterRange {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let [low, high] = deserializer.deserialize_any(NumbersVisitor::<2>("a number or [low, high]"))?;
-        Ok(Self { low, high })
-    }
-}
-
-/// Reads `N` numbers, or one number that stands for `N` equal ones.
-struct NumbersVisitor<const N: usize>(&'static str);
-
-impl<'de, const N: usize> Visitor<'de> for NumbersVisitor<N> {
-    type Value = [f64; N];
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.0)
-    }
-
-    fn visit_f64<E>(self, number: f64) -> Result<Self::Value, E> {
-        Ok([number; N])
-    }
-
-    fn visit_i64<E>(self, number: i64) -> Result<Self::Value, E> {
-        Ok([number as f64; N])
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Self::Value, A::Error> {
-        let mut numbers = [0.0; N];
-        for (i, number) in numbers.iter_mut().enumerate() {
-            *number = items.next_element()?.ok_or_else(|| serde::de::Error::invalid_length(i, &self))?;
-        }
-        match items.next_element::<serde::de::IgnoredAny>()? {
-            None => Ok(numbers),
-            Some(_) => Err(serde::de::Error::invalid_length(N + 1, &self)),
-        }
-    }
-}
 
 /// `size = 64` or `size = [Z, Y, X]`.
 struct Size([f64; 3]);
@@ -256,17 +175,6 @@ impl Recipe {
     /// The number of textures.
     pub fn count(&self) -> u64 {
         self.groups.iter().map(|group| group.count).sum()
-    }
-
-    /// All textures, group by group. No voxels are computed yet.
-    pub fn specimens(&self) -> Vec<Specimen> {
-        let of_group = |group| (0..).map_while(move |index| self.specimen(group, index));
-        self.groups.iter().flat_map(of_group).collect()
-    }
-
-    /// The specimen `index` of a group; `None` past the end.
-    fn specimen(&self, group: &RecipeGroup, index: u64) -> Option<Specimen> {
-        (index < group.count).then(|| Specimen::draw(self.seed, group, index, &self.nuisance))
     }
 }
 

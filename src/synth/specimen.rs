@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::families::{Brush, Family};
 use super::random::Random;
-use super::{Distortion, Nuisance, ParameterRange, RecipeGroup};
+use super::{Distortion, Nuisance, ParameterRange, Recipe, RecipeGroup};
 use crate::volume::{Shape, Volume};
 
 /// One texture of a recipe: all parameters are drawn, but no voxels are computed yet.
@@ -29,6 +29,19 @@ pub struct Specimen {
     seed: u64,
     group: String,
     index: u64,
+}
+
+impl Recipe {
+    /// All textures, group by group. No voxels are computed yet.
+    pub fn specimens(&self) -> Vec<Specimen> {
+        let of_group = |group| (0..).map_while(move |index| self.specimen(group, index));
+        self.groups().iter().flat_map(of_group).collect()
+    }
+
+    /// The specimen `index` of a group; `None` past the end.
+    fn specimen(&self, group: &RecipeGroup, index: u64) -> Option<Specimen> {
+        (index < group.count).then(|| Specimen::draw(self.seed(), group, index, self.nuisance()))
+    }
 }
 
 impl Specimen {

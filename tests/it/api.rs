@@ -53,7 +53,6 @@ fn the_public_api_is_the_one_that_was_reviewed() {
 }
 
 #[test]
-#[ignore = "rooms are moving"]
 fn no_public_signature_names_a_foreign_type() {
     let workspace = Workspace::of_repository(Path::new(env!("CARGO_MANIFEST_DIR")));
     let found: Vec<String> =

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use crate::formats::{self, FormatInfo};
+use crate::formats::FormatInfo;
 use crate::text::{DecoderError, Listed, display_path};
 use crate::{Hint, Shape};
 
@@ -181,10 +181,12 @@ pub enum VolumeError {
         missing: String,
     },
     /// Neither the content nor the name of the file is that of a format.
-    #[error("the file format is not recognised: the file {}; recognised are {}", begins(start), formats::titles())]
+    #[error("the file format is not recognised: the file {}{}", begins(start), recognised_are(recognised))]
     UnknownFormat {
         /// The first bytes, escaped; empty where the file is.
         start: String,
+        /// The titles of the formats that are recognised, as a sentence lists them; may be empty.
+        recognised: String,
     },
     /// The format, or what the file uses of it, is not part of this build.
     #[error("{what} is not read by this build, which lacks the feature `{feature}`")]
@@ -215,6 +217,19 @@ pub enum VolumeError {
         #[source]
         source: Box<dyn Error + Send + Sync>,
     },
+}
+
+impl FormatInfo {
+    /// The error of a format that is compiled out of this build.
+    #[cfg_attr(all(feature = "npz", feature = "tiff", feature = "vox"), allow(dead_code))]
+    pub(crate) fn disabled(&self) -> VolumeError {
+        VolumeError::FeatureDisabled { what: self.title, feature: self.feature.unwrap_or_default() }
+    }
+}
+
+/// What follows a sentence about an unknown format.
+fn recognised_are(titles: &str) -> String {
+    if titles.is_empty() { String::new() } else { format!("; recognised are {titles}") }
 }
 
 fn begins(start: &str) -> String {

@@ -2,10 +2,9 @@
 
 use std::io::Write;
 
-use clap::{Args, CommandFactory};
+use clap::Args;
 use clap_complete::Shell;
 
-use crate::cli::Cli;
 use crate::cli::context::{Context, Failure, Outcome};
 
 /// Print a shell completion script
@@ -19,13 +18,14 @@ pub(crate) struct Completions {
 }
 
 impl Completions {
-    pub(crate) fn run(self, context: &mut Context) -> Result<Outcome, Failure> {
+    /// Prints the script for the program with this definition.
+    pub(crate) fn run(self, context: &mut Context, definition: &mut clap::Command) -> Result<Outcome, Failure> {
         if context.json {
             return Err(Failure::Usage("a completion script cannot be printed as JSON: leave out --json".into()));
         }
         // The generator panics where it cannot write, so it writes to memory first.
         let mut script = Vec::new();
-        clap_complete::generate(self.shell, &mut Cli::command(), "hlacdb", &mut script);
+        clap_complete::generate(self.shell, definition, "hlacdb", &mut script);
         context.out().write_all(&script)?;
         Ok(Outcome::Done)
     }

@@ -13,7 +13,7 @@ use embedded_graphics::text::{Baseline, Text};
 use super::super::slice_grid::SliceGrid;
 use super::super::{Image, PixelFormat};
 use super::text::Face;
-use super::{SEAM, Theme};
+use super::theme::{SEAM, Theme};
 use crate::volume::Volume;
 
 /// The colours of a theme.

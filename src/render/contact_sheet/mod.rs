@@ -9,20 +9,21 @@
 
 mod canvas;
 mod text;
+mod theme;
 
 use self::canvas::{Canvas, Colors};
 use self::text::Face;
+use self::theme::SEAM;
 use super::slice_grid::{GridRequest, SliceGrid};
 use super::{Image, MAX_PIXELS, SliceAxis};
 use crate::volume::Volume;
+
+pub use self::theme::Theme;
 
 /// Pixels around the sheet and around its panels, between panels, and between a panel's frame and its contents.
 const MARGIN: u32 = 16;
 const GAP: u32 = 12;
 const PADDING: u32 = 10;
-
-/// Pixels around every slice of a panel; neighbours share theirs.
-const SEAM: u32 = 1;
 
 /// The smallest inner width of a panel, so that a short name is legible below tiny slices.
 const MIN_INNER_WIDTH: u32 = 160;
@@ -37,16 +38,6 @@ const MIN_FITTED_SLICES: usize = 16;
 
 /// The preferred ratio of a sheet's width to its height.
 const ASPECT: f64 = 1.4;
-
-/// The colours of a contact sheet.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Theme {
-    /// Light grey, for paper and web pages.
-    #[default]
-    Light,
-    /// Dark grey, for screens and bright textures.
-    Dark,
-}
 
 /// A volume and its caption.
 #[derive(Debug, Clone)]

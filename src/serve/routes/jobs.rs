@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::ReindexOptions;
 use crate::ingest::{self, IngestOptions, IngestStatus};
-use crate::serve::jobs::{Job, JobKind, JobOutcome, JobReport, JobState, Jobs};
+use crate::serve::jobs::{Job, JobKind, JobOutcome, JobReport, JobState};
 use crate::serve::parameters;
 use crate::serve::problem::{Problem, ProblemDocument, full_sentence};
 use crate::serve::reply;
@@ -43,7 +43,7 @@ pub(crate) async fn reindex(
 ) -> Result<Response, Problem> {
     app.check_writable()?;
     let options = ReindexOptions::new().reextract(request.is_some_and(|Json(request)| request.reextract));
-    let report = Jobs::start(&app, JobKind::Reindex, move |app, job| match app.database.reindex(&options, job) {
+    let report = app.start_job(JobKind::Reindex, move |app, job| match app.database.reindex(&options, job) {
         Ok(report) => Ok(JobOutcome {
             state: JobState::Done,
             message: format!("fit {} of {} on {} textures", report.epoch, report.spaces.join(", "), report.textures),
@@ -93,7 +93,7 @@ pub(crate) async fn ingest(
         None => options,
     };
     let path = app.heavy(move |_| Ok(ingest::resolve_within(&root, &request.path)?)).await?;
-    let report = Jobs::start(&app, JobKind::Ingest, move |app, job| {
+    let report = app.start_job(JobKind::Ingest, move |app, job| {
         let mut failed = 0_u64;
         let mut report = ingest::ingest(&app.database, &[path], &options, job, &mut |event| {
             if event.status == IngestStatus::Failed {

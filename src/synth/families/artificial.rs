@@ -1,10 +1,10 @@
 //! Artificial patterns: checker, stripes, brick, weave, lattices of dots, lamellae.
 
-use super::{Family, real, smoothstep, tilt, wave};
+use super::family::{Family, real, smoothstep, tilt, wave};
 use crate::synth::noise::{Cells, floor, hash, lerp, unit};
 
 /// The strength of the noise over a pattern.
-const NOISE: super::FamilyParameter = real("noise", [0.0, 1.0], [0.05, 0.2], "strength of the noise");
+const NOISE: super::family::FamilyParameter = real("noise", [0.0, 1.0], [0.05, 0.2], "strength of the noise");
 
 /// Distance to the nearest whole number.
 fn from_whole(v: f32) -> f32 {

@@ -1,6 +1,6 @@
 //! Worley's cellular noise: cobble stone, foam, crystals, scales, cracked ground, sponge.
 
-use super::{Brush, Family, Frame, octaves, real, scale, smoothstep, tilt};
+use super::family::{Brush, Family, Frame, octaves, real, scale, smoothstep, tilt};
 use crate::synth::field::Field;
 use crate::synth::fractal::Fractal;
 use crate::synth::noise::{Cells, hash, lerp, unit};

@@ -1,6 +1,6 @@
 //! Fluids and what they form: clouds, smoke, water, interfering waves, dunes.
 
-use super::{Brush, Family, octaves, real, scale, smoothstep, tilt, wave, whole};
+use super::family::{Brush, Family, octaves, real, scale, smoothstep, tilt, wave, whole};
 use crate::synth::field::Field;
 use crate::synth::fractal::{Fractal, OctaveFold};
 use crate::synth::noise::floor;

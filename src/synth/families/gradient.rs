@@ -1,6 +1,6 @@
 //! Noise itself: one octave, and the sums of octaves that other families build on.
 
-use super::{Brush, Family, octaves, real, scale};
+use super::family::{Brush, Family, octaves, real, scale};
 use crate::synth::field::Field;
 use crate::synth::fractal::{Fractal, OctaveFold};
 use crate::synth::noise::Lattice;

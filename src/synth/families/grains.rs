@@ -1,6 +1,6 @@
 //! Objects scattered at random: balls, bubbles, fibres, rust spots.
 
-use super::{Brush, Family, real, smoothstep};
+use super::family::{Brush, Family, real, smoothstep};
 use crate::synth::field::Field;
 use crate::synth::fractal::Fractal;
 

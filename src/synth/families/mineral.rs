@@ -1,6 +1,6 @@
 //! Minerals: marble, granite, agate, veined rock.
 
-use super::{Family, octaves, real, scale, smoothstep, tilt, wave};
+use super::family::{Family, octaves, real, scale, smoothstep, tilt, wave};
 use crate::synth::fractal::OctaveFold;
 use crate::synth::noise::{Cells, floor, hash, lerp, unit};
 

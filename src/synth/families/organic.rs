@@ -1,6 +1,6 @@
 //! Organic textures: wood.
 
-use super::{Family, real, smoothstep, tilt};
+use super::family::{Family, real, smoothstep, tilt};
 use crate::synth::noise::floor;
 
 pub(super) static WOOD: Family = Family {

@@ -1,7 +1,7 @@
 //! Filtered white noise: Gaussian fields, porous media, labyrinths, brushed metal, smoothed speckle, camouflage,
 //! sediment.
 
-use super::{Brush, Family, octaves, real, scale, smoothstep, tilt, whole};
+use super::family::{Brush, Family, octaves, real, scale, smoothstep, tilt, whole};
 use crate::synth::field::Field;
 use crate::synth::fractal::Fractal;
 use crate::synth::noise::{Lattice, hash, lerp, unit};

@@ -2,7 +2,7 @@
 
 use std::f32::consts::TAU;
 
-use super::{Brush, Family, FamilyParameter, real, smoothstep, tilt};
+use super::family::{Brush, Family, FamilyParameter, real, smoothstep, tilt};
 use crate::synth::field::Field;
 
 /// The parameters that all of these families share.

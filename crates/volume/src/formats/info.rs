@@ -1,5 +1,7 @@
 //! [`FormatInfo`]: what people and programs may know of a format without reading a file.
 
+use std::path::Path;
+
 /// A format by its name, its extensions, and what is read of it.
 ///
 /// Extensions are lower case and begin with the dot; file names are compared without regard to case.
@@ -96,10 +98,10 @@ impl FormatInfo {
     pub const fn feature(self, feature: &'static str, available: bool) -> Self {
         Self { feature: Some(feature), available, ..self }
     }
+}
 
-    /// The error of a format that is compiled out of this build.
-    #[cfg_attr(all(feature = "npz", feature = "tiff", feature = "vox"), allow(dead_code))]
-    pub(super) fn disabled(&self) -> crate::VolumeError {
-        crate::VolumeError::FeatureDisabled { what: self.title, feature: self.feature.unwrap_or_default() }
-    }
+/// Whether a file name ends with one of some extensions.
+pub(crate) fn has_ending(path: &Path, extensions: &[&str]) -> bool {
+    let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    extensions.iter().any(|extension| name.ends_with(extension))
 }

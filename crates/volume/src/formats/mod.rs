@@ -33,8 +33,9 @@ use crate::{ReadOptions, SampleType, Shape, VolumeError, VoxelSpacing};
 
 pub use head::Head;
 pub use info::FormatInfo;
+pub(crate) use info::has_ending;
+pub(crate) use registry::identify;
 pub use registry::{find, infos, registry};
-pub(crate) use registry::{has_ending, identify, titles};
 
 /// A file format: how its files are recognised, and how one is opened.
 pub trait Format: Send + Sync {

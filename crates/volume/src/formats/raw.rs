@@ -29,7 +29,9 @@ impl Format for Raw {
     }
 
     fn open(&self, path: &Path, options: &ReadOptions) -> Result<Box<dyn VolumeReader>, VolumeError> {
-        let Some(raw) = options.raw else { return Err(VolumeError::UnknownFormat { start: String::new() }) };
+        let Some(raw) = options.raw else {
+            return Err(VolumeError::UnknownFormat { start: String::new(), recognised: String::new() });
+        };
         let layout = layout(path, &raw, options.max_voxels)?;
         let io = |source| VolumeError::Io { doing: "reading the length of the file", source };
         let length = open_file(path)?.metadata().map_err(io)?.len();

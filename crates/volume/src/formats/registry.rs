@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Format, FormatInfo, Head, metaimage, nifti, npy, npz, nrrd, raw, slices, tiff, vox};
+use super::{Format, FormatInfo, Head, has_ending, metaimage, nifti, npy, npz, nrrd, raw, slices, tiff, vox};
 use crate::text::excerpt_bytes;
 use crate::{ReadOptions, VolumeError};
 
@@ -42,7 +42,7 @@ pub fn find(name: &str) -> Option<&'static dyn Format> {
 }
 
 /// The titles of all formats that are recognised, as a sentence lists them.
-pub(crate) fn titles() -> String {
+fn titles() -> String {
     let titles: Vec<_> = infos().filter(|info| !info.needs_layout).map(|info| info.title).collect();
     match titles.split_last() {
         Some((last, [])) => (*last).to_owned(),
@@ -69,18 +69,12 @@ pub(crate) fn identify(path: &Path, options: &ReadOptions) -> Result<&'static dy
     let found = by_content.or_else(by_name).or(raw);
     found.ok_or_else(|| {
         let start = head.bytes().get(..head.bytes().len().min(8)).unwrap_or_default();
-        VolumeError::UnknownFormat { start: excerpt_bytes(start) }
+        VolumeError::UnknownFormat { start: excerpt_bytes(start), recognised: titles() }
     })
 }
 
 fn named(path: &Path, info: &FormatInfo) -> bool {
     has_ending(path, info.extensions) || has_ending(path, info.aliases)
-}
-
-/// Whether a file name ends with one of some extensions.
-pub(crate) fn has_ending(path: &Path, extensions: &[&str]) -> bool {
-    let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    extensions.iter().any(|extension| name.ends_with(extension))
 }
 
 #[cfg(test)]
@@ -110,7 +104,7 @@ mod tests {
 
     #[test]
     fn the_sentence_of_an_unknown_file_lists_the_formats() {
-        let text = VolumeError::UnknownFormat { start: "abc".into() }.to_string();
+        let text = VolumeError::UnknownFormat { start: "abc".into(), recognised: titles() }.to_string();
         for title in ["NumPy array", "NRRD", "NIfTI", "TIFF"] {
             assert!(text.contains(title), "{text}");
         }

@@ -7,7 +7,10 @@
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom};
 
-use super::{DataLayout, Encoding, Start, decode, open_file};
+#[cfg(feature = "npz")]
+use super::data_layout::Checksum;
+use super::data_layout::{DataLayout, Encoding, Start};
+use super::decode::{self, open_file};
 use crate::VolumeError;
 
 /// The most memory that is taken ahead of the bytes that fill it.
@@ -186,17 +189,6 @@ fn failed(source: io::Error, data: &'static str, expected: u64, found: u64) -> V
             Err(source) => VolumeError::Io { doing: "reading the samples", source },
         },
     }
-}
-
-/// The CRC-32 that an archive stores for an entry.
-#[cfg(feature = "npz")]
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Checksum {
-    pub(crate) crc: u32,
-    /// The number of bytes of the entry.
-    pub(crate) bytes: u64,
-    /// How many of them come before the samples.
-    pub(crate) before: u64,
 }
 
 /// Reads an entry to its end, where its bytes must have the checksum.

@@ -6,7 +6,7 @@ use std::io::{self, BufRead};
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-use super::Encoding;
+use super::data_layout::Encoding;
 use super::text::{HexBytes, TextSamples};
 use crate::{SampleType, VolumeError};
 

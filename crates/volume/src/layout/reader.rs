@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::bytes::{SampleBytes, zeros};
+use super::data_layout::{DataLayout, Encoding, Meaning};
 use super::region::Region;
-use super::{DataLayout, Encoding, Meaning};
 use crate::formats::{Access, VolumeHeader, VolumeReader};
 use crate::samples::make_little;
 use crate::{Endian, Shape, VolumeError};
@@ -84,6 +84,17 @@ impl VolumeReader for LayoutReader {
             Meaning::Inverted => appended.iter_mut().for_each(|byte| *byte = !*byte),
         }
         Ok(())
+    }
+}
+
+impl DataLayout {
+    /// Opens the file of the samples; none of them are read.
+    ///
+    /// # Errors
+    /// [`VolumeError::Truncated`] if the file is too short for samples that are not compressed,
+    /// [`VolumeError::FeatureDisabled`], [`VolumeError::NotAFile`], [`VolumeError::Io`].
+    pub(crate) fn open(self) -> Result<Box<dyn VolumeReader>, VolumeError> {
+        Ok(Box::new(LayoutReader::open(self)?))
     }
 }
 

@@ -1,6 +1,6 @@
 //! [`LevelMap`]: from one sample to its level.
 
-use super::Calibration;
+use super::calibration::Calibration;
 
 /// The map from stored samples to levels.
 pub(super) enum LevelMap {

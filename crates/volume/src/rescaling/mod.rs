@@ -5,6 +5,7 @@
 //! number that orders as the samples of a type do. Ranges and ranks are found among keys, so that one selection serves
 //! integers and floating-point numbers.
 
+mod calibration;
 mod intensity;
 mod keys;
 mod levels;
@@ -22,52 +23,8 @@ use self::selection::Selection;
 use crate::samples::make_little;
 use crate::{Endian, SampleType};
 
+pub use self::calibration::Calibration;
 pub use self::intensity::{Intensity, IntensityError, Mapping};
-
-/// A linear map from stored samples to the units of the file: `slope * stored + intercept`.
-///
-/// Invariant: the slope is finite and not zero, the intercept is finite.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Calibration {
-    slope: f64,
-    intercept: f64,
-}
-
-impl Calibration {
-    /// Stored samples are in the units of the file.
-    pub const IDENTITY: Self = Self { slope: 1.0, intercept: 0.0 };
-
-    /// The map by these numbers; `None` if they do not make an invertible linear map.
-    pub fn new(slope: f64, intercept: f64) -> Option<Self> {
-        (slope.is_finite() && slope != 0.0 && intercept.is_finite()).then_some(Self { slope, intercept })
-    }
-
-    /// Units per stored unit.
-    pub fn slope(self) -> f64 {
-        self.slope
-    }
-
-    /// The unit value of a stored 0.
-    pub fn intercept(self) -> f64 {
-        self.intercept
-    }
-
-    /// The units of a stored sample.
-    fn unit(self, stored: f64) -> f64 {
-        self.slope * stored + self.intercept
-    }
-
-    /// The stored sample of some units.
-    fn stored(self, unit: f64) -> f64 {
-        (unit - self.intercept) / self.slope
-    }
-}
-
-impl Default for Calibration {
-    fn default() -> Self {
-        Self::IDENTITY
-    }
-}
 
 /// The first sample that is NaN or infinite.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -183,7 +140,7 @@ impl<T: Sample<N>, const N: usize> Typed<T, N> {
     /// Settles on the levels between two keys.
     fn settle_between(&mut self, low: u64, high: u64) {
         let (low, high) = (T::of_key(low), T::of_key(high));
-        let (from, to) = if self.calibration.slope > 0.0 { (low, high) } else { (high, low) };
+        let (from, to) = if self.calibration.slope() > 0.0 { (low, high) } else { (high, low) };
         self.settle(LevelMap::line(from, to), self.calibration.unit(from), self.calibration.unit(to));
     }
 

@@ -1,5 +1,6 @@
 //! [`Volume`]: voxels in memory, and the distance between them.
 
+mod shape;
 mod shrink;
 mod spacing;
 
@@ -7,14 +8,9 @@ use std::borrow::Cow;
 
 use crate::VolumeError;
 
+pub use shape::{MIN_SIDE, Shape};
 pub use shrink::blocks;
 pub use spacing::{LengthUnit, VoxelSpacing};
-
-/// Axis lengths (Z, Y, X), as numpy writes them: X is fastest in memory.
-pub type Shape = [usize; 3];
-
-/// The shortest side that a volume may have: a window of 3 x 3 x 3 voxels must fit.
-pub const MIN_SIDE: usize = 3;
 
 /// Voxels in memory: shape (Z, Y, X) with X fastest, one channel (grey) or three (RGB, interleaved), `u8`.
 ///

@@ -15,7 +15,7 @@ use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use self::slice::Slice;
+use self::slice::{Slice, TIFF};
 use super::plane_format::PlaneFormat;
 use super::{Access, Format, FormatInfo, Head, VolumeHeader, VolumeReader, has_ending, tiff};
 use crate::discovery::natural_cmp;
@@ -33,9 +33,6 @@ static INFO: FormatInfo = FormatInfo::new(
 
 /// The extensions of pictures that always have one page.
 const PICTURES: &[&str] = &[".png", ".jpg", ".jpeg"];
-
-/// The extensions of pictures that may have more.
-const TIFF: &[&str] = &[".tif", ".tiff"];
 
 impl Format for Slices {
     fn info(&self) -> &'static FormatInfo {

@@ -8,7 +8,6 @@ use std::io::BufReader;
 #[cfg(feature = "images")]
 use image::{ColorType, ImageDecoder, ImageReader};
 
-use super::TIFF;
 use crate::VolumeError;
 use crate::formats::has_ending;
 use crate::formats::plane_format::PlaneFormat;
@@ -17,6 +16,9 @@ use crate::formats::tiff::SinglePage;
 use crate::text::excerpt_name;
 #[cfg(feature = "images")]
 use crate::{Endian, SampleType, formats::plane_format::check_credible, layout::open_file, samples::make_little};
+
+/// The extensions of pictures that may have more than one page.
+pub(super) const TIFF: &[&str] = &[".tif", ".tiff"];
 
 /// One slice whose header has been read.
 pub(super) struct Slice {

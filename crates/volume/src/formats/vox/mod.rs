@@ -14,6 +14,7 @@
 
 use std::path::Path;
 
+use self::magic::MAGIC;
 use super::{Format, FormatInfo, Head, VolumeReader};
 use crate::{ReadOptions, VolumeError};
 
@@ -44,7 +45,6 @@ impl Format for Vox {
     }
 }
 
-const MAGIC: &[u8] = b"VOX ";
-
+mod magic;
 #[cfg(feature = "vox")]
 mod model;

@@ -8,7 +8,7 @@ use std::path::Path;
 use dot_vox::{DotVoxData, Model};
 
 use super::super::{Access, VolumeHeader, VolumeReader};
-use super::MAGIC;
+use super::magic::MAGIC;
 use crate::layout::open_file;
 use crate::samples::within_limit;
 use crate::text::{DecoderError, Listed};
