@@ -33,7 +33,7 @@ struct Hop {
 
 const HOPS: &[Hop] = &[Hop { what: "items become framed records, rows and descriptor blocks", run: v0_to_v1::run }];
 
-/// What [`migrate`] may do.
+/// What `migrate` may do.
 #[derive(Clone, Debug, Default)]
 pub struct MigrateOptions {
     check_only: bool,
@@ -61,7 +61,7 @@ impl MigrateOptions {
     }
 }
 
-/// What [`migrate`] did, or would do with `check_only`.
+/// What `migrate` did, or would do with `check_only`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct MigrateReport {

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | several volumes with captions, the query marked | [`contact_sheet`], [`answer_sheet`] | [`Image`] |
 //! | one volume with its name and size | [`texture_sheet`] | [`Image`] |
-//! | slices and nothing else | [`slice_image`], [`slice`], [`thumbnail`] | [`Image`] |
+//! | slices and nothing else | [`slice_image`], [`slice()`], [`thumbnail`] | [`Image`] |
 //! | an evaluation, the statistics of a store | [`evaluation_plot`], [`statistics_plot`] | SVG text |
 //!
 //! Voxels are enlarged by whole factors or averaged over whole blocks, never interpolated. The same input gives the same
