@@ -33,17 +33,6 @@
 
 #![forbid(unsafe_code)]
 #![cfg_attr(
-    not(all(
-        feature = "bzip2",
-        feature = "gzip",
-        feature = "images",
-        feature = "npz",
-        feature = "tiff",
-        feature = "vox"
-    )),
-    allow(dead_code, unused_imports, unused_variables, reason = "what only formats that are not compiled in use")
-)]
-#![cfg_attr(
     test,
     allow(
         clippy::unwrap_used,

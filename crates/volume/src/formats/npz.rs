@@ -116,7 +116,8 @@ mod archive {
     }
 }
 
-#[cfg(all(test, feature = "npz"))]
+#[cfg(feature = "npz")]
+#[cfg(test)]
 mod tests {
     use std::io::Write;
 

@@ -6,6 +6,7 @@ use crate::samples::within_limit;
 use crate::{SampleType, VolumeError};
 
 /// No compression that is read (deflate, LZW, PackBits, JPEG) makes more bytes of one than this.
+#[cfg(any(feature = "images", feature = "tiff"))]
 const MOST_EXPANSION: u64 = 4096;
 
 /// Size and samples of a slice.
@@ -20,11 +21,13 @@ pub(crate) struct PlaneFormat {
 
 impl PlaneFormat {
     /// Pixels of one slice.
+    #[cfg(feature = "tiff")]
     pub(crate) fn pixels(&self) -> u128 {
         self.height as u128 * self.width as u128
     }
 
     /// Bytes of one slice.
+    #[cfg(feature = "tiff")]
     pub(crate) fn bytes(&self) -> u128 {
         self.pixels() * self.channels as u128 * self.ty.size() as u128
     }
@@ -47,6 +50,7 @@ impl fmt::Display for PlaneFormat {
 }
 
 /// Checks, before memory is taken, that a file of `length` bytes can hold `promised` bytes of samples.
+#[cfg(any(feature = "images", feature = "tiff"))]
 pub(crate) fn check_credible(promised: u128, compressed: bool, length: u64) -> Result<(), VolumeError> {
     let most = if compressed { u128::from(length) * u128::from(MOST_EXPANSION) } else { u128::from(length) };
     if promised > most {

@@ -125,7 +125,8 @@ impl<R: BufRead, D: Read> Read for Members<R, D> {
     }
 }
 
-#[cfg(all(test, feature = "gzip", feature = "bzip2"))]
+#[cfg(all(feature = "gzip", feature = "bzip2"))]
+#[cfg(test)]
 mod tests {
     use super::super::bytes::exactly;
     use super::*;

@@ -1,5 +1,6 @@
 //! [`Slice`]: one picture of a folder.
 
+use std::error::Error;
 use std::path::Path;
 
 #[cfg(feature = "images")]
@@ -23,20 +24,11 @@ pub(super) const TIFF: &[&str] = &[".tif", ".tiff"];
 /// One slice whose header has been read.
 pub(super) struct Slice {
     pub(super) format: PlaneFormat,
-    pixels: Pixels,
+    /// Appends the samples, little-endian.
+    decode: Box<Decode>,
 }
 
-/// The decoder of a slice.
-enum Pixels {
-    #[cfg(feature = "tiff")]
-    Tiff(Box<SinglePage>),
-    #[cfg(feature = "images")]
-    Picture {
-        decoder: Box<dyn ImageDecoder>,
-        /// Whether an alpha follows each grey sample.
-        grey_alpha: bool,
-    },
-}
+type Decode = dyn FnOnce(&mut Vec<u8>) -> Result<(), Box<dyn Error + Send + Sync>>;
 
 impl Slice {
     /// Reads the header of a slice.
@@ -47,7 +39,7 @@ impl Slice {
     #[cfg(feature = "tiff")]
     fn open_tiff(path: &Path) -> Result<Self, VolumeError> {
         let page = SinglePage::open(path).map_err(|error| undecodable(path, &error))?;
-        Ok(Self { format: page.format(), pixels: Pixels::Tiff(Box::new(page)) })
+        Ok(Self { format: page.format(), decode: Box::new(|bytes| Ok(page.decode(bytes)?)) })
     }
 
     #[cfg(not(feature = "tiff"))]
@@ -88,34 +80,27 @@ impl Slice {
         let promised = u128::from(decoder.total_bytes());
         check_credible(promised, true, length).map_err(|error| undecodable(path, &error))?;
         let format = PlaneFormat { height: height as usize, width: width as usize, channels, ty };
-        Ok(Self { format, pixels: Pixels::Picture { decoder: Box::new(decoder), grey_alpha } })
+        let decode = move |bytes: &mut Vec<u8>| {
+            let start = bytes.len();
+            decode_picture(Box::new(decoder), bytes)?;
+            if grey_alpha {
+                drop_grey_alpha(bytes, start, ty.size());
+            }
+            make_little(bytes.get_mut(start..).unwrap_or_default(), ty, Endian::NATIVE);
+            Ok(())
+        };
+        Ok(Self { format, decode: Box::new(decode) })
     }
 
     /// Appends the samples, little-endian.
     pub(super) fn decode(self, path: &Path, bytes: &mut Vec<u8>) -> Result<(), VolumeError> {
-        match self.pixels {
-            #[cfg(feature = "tiff")]
-            Pixels::Tiff(page) => page.decode(bytes).map_err(|error| undecodable(path, &error)),
-            #[cfg(feature = "images")]
-            Pixels::Picture { decoder, grey_alpha } => {
-                let start = bytes.len();
-                decode_picture(decoder, bytes).map_err(|error| undecodable(path, &*error))?;
-                if grey_alpha {
-                    drop_grey_alpha(bytes, start, self.format.ty.size());
-                }
-                make_little(bytes.get_mut(start..).unwrap_or_default(), self.format.ty, Endian::NATIVE);
-                Ok(())
-            }
-        }
+        (self.decode)(bytes).map_err(|error| undecodable(path, &*error))
     }
 }
 
 /// Appends the samples in the byte order of this machine.
 #[cfg(feature = "images")]
-fn decode_picture(
-    decoder: Box<dyn ImageDecoder>,
-    bytes: &mut Vec<u8>,
-) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+fn decode_picture(decoder: Box<dyn ImageDecoder>, bytes: &mut Vec<u8>) -> Result<(), Box<dyn Error + Send + Sync>> {
     let start = bytes.len();
     bytes.resize(start + usize::try_from(decoder.total_bytes())?, 0);
     Ok(decoder.read_image_boxed(bytes.get_mut(start..).unwrap_or_default())?)
@@ -132,6 +117,6 @@ fn drop_grey_alpha(bytes: &mut Vec<u8>, start: usize, size: usize) {
     bytes.truncate(start + pixels * size);
 }
 
-fn undecodable(path: &Path, error: &dyn std::error::Error) -> VolumeError {
+fn undecodable(path: &Path, error: &dyn Error) -> VolumeError {
     VolumeError::decode(format!("the slice {}", excerpt_name(path)), error)
 }

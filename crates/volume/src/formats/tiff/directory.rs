@@ -136,59 +136,12 @@ impl<'a, R: Read + Seek> Walker<'a, R> {
         Ok(Some(Directory { entries }))
     }
 
-    /// The whole numbers of a tag; `None` if it is absent.
-    pub(super) fn numbers(&mut self, directory: &Directory, tag: Tag) -> Result<Option<Vec<u64>>, VolumeError> {
-        let Some(entry) = directory.entries.get(&tag).copied() else { return Ok(None) };
-        let endian = self.header.endian;
-        let wrong = || {
-            malformed(
-                &format!("tag {tag} has values of type {}", entry.kind),
-                "whole numbers (types 1, 3, 4, 13, 16, 18) are expected",
-            )
-        };
-        let bytes = self.value(tag, entry)?;
-        let numbers = match entry.kind {
-            1 => bytes.iter().map(|&byte| u64::from(byte)).collect(),
-            3 => bytes.as_chunks().0.iter().map(|&bytes| u64::from(u16_of(endian, bytes))).collect(),
-            4 | 13 => bytes.as_chunks().0.iter().map(|&bytes| u64::from(u32_of(endian, bytes))).collect(),
-            16 | 18 => bytes.as_chunks().0.iter().map(|&bytes| u64_of(endian, bytes)).collect(),
-            _ => return Err(wrong()),
-        };
-        Ok(Some(numbers))
-    }
-
-    /// The one whole number of a tag; `None` if it is absent.
-    pub(super) fn number(&mut self, directory: &Directory, tag: Tag) -> Result<Option<u64>, VolumeError> {
-        match self.numbers(directory, tag)?.as_deref() {
-            None => Ok(None),
-            Some([number]) => Ok(Some(*number)),
-            Some(other) => Err(malformed(&format!("tag {tag} has {} values", other.len()), "one is expected")),
-        }
-    }
-
-    /// The one fraction of a tag, as a number; `None` if it is absent or something else.
-    pub(super) fn fraction(&mut self, directory: &Directory, tag: Tag) -> Result<Option<f64>, VolumeError> {
-        let Some(entry) = directory.entries.get(&tag).copied().filter(|entry| entry.kind == 5 && entry.count == 1)
-        else {
-            return Ok(None);
-        };
-        let endian = self.header.endian;
-        let bytes = self.value(tag, entry)?;
-        let [upper, lower] = bytes.as_chunks().0 else { return Ok(None) };
-        Ok(Some(f64::from(u32_of(endian, *upper)) / f64::from(u32_of(endian, *lower))))
-    }
-
     /// The text of a tag up to its first NUL, bytes that are not UTF-8 replaced; `None` if it is absent or not a text.
     pub(super) fn text(&mut self, directory: &Directory, tag: Tag) -> Result<Option<String>, VolumeError> {
         let Some(entry) = directory.entries.get(&tag).copied().filter(|entry| entry.kind == 2) else { return Ok(None) };
         let bytes = self.value(tag, entry)?;
         let text = bytes.split(|&byte| byte == 0).next().unwrap_or_default();
         Ok(Some(String::from_utf8_lossy(text).into_owned()))
-    }
-
-    /// The number of values of a tag, 0 if it is absent.
-    pub(super) fn count(&self, directory: &Directory, tag: Tag) -> u64 {
-        directory.entries.get(&tag).map_or(0, |entry| entry.count)
     }
 
     /// The bytes of an entry's values.
@@ -235,6 +188,57 @@ impl<'a, R: Read + Seek> Walker<'a, R> {
 
     fn u64(&mut self) -> Result<u64, VolumeError> {
         Ok(u64_of(self.header.endian, array(self.reader)?))
+    }
+}
+
+/// What only the decoder of pages needs.
+#[cfg(feature = "tiff")]
+impl<R: Read + Seek> Walker<'_, R> {
+    /// The whole numbers of a tag; `None` if it is absent.
+    pub(super) fn numbers(&mut self, directory: &Directory, tag: Tag) -> Result<Option<Vec<u64>>, VolumeError> {
+        let Some(entry) = directory.entries.get(&tag).copied() else { return Ok(None) };
+        let endian = self.header.endian;
+        let wrong = || {
+            malformed(
+                &format!("tag {tag} has values of type {}", entry.kind),
+                "whole numbers (types 1, 3, 4, 13, 16, 18) are expected",
+            )
+        };
+        let bytes = self.value(tag, entry)?;
+        let numbers = match entry.kind {
+            1 => bytes.iter().map(|&byte| u64::from(byte)).collect(),
+            3 => bytes.as_chunks().0.iter().map(|&bytes| u64::from(u16_of(endian, bytes))).collect(),
+            4 | 13 => bytes.as_chunks().0.iter().map(|&bytes| u64::from(u32_of(endian, bytes))).collect(),
+            16 | 18 => bytes.as_chunks().0.iter().map(|&bytes| u64_of(endian, bytes)).collect(),
+            _ => return Err(wrong()),
+        };
+        Ok(Some(numbers))
+    }
+
+    /// The one whole number of a tag; `None` if it is absent.
+    pub(super) fn number(&mut self, directory: &Directory, tag: Tag) -> Result<Option<u64>, VolumeError> {
+        match self.numbers(directory, tag)?.as_deref() {
+            None => Ok(None),
+            Some([number]) => Ok(Some(*number)),
+            Some(other) => Err(malformed(&format!("tag {tag} has {} values", other.len()), "one is expected")),
+        }
+    }
+
+    /// The one fraction of a tag, as a number; `None` if it is absent or something else.
+    pub(super) fn fraction(&mut self, directory: &Directory, tag: Tag) -> Result<Option<f64>, VolumeError> {
+        let Some(entry) = directory.entries.get(&tag).copied().filter(|entry| entry.kind == 5 && entry.count == 1)
+        else {
+            return Ok(None);
+        };
+        let endian = self.header.endian;
+        let bytes = self.value(tag, entry)?;
+        let [upper, lower] = bytes.as_chunks().0 else { return Ok(None) };
+        Ok(Some(f64::from(u32_of(endian, *upper)) / f64::from(u32_of(endian, *lower))))
+    }
+
+    /// The number of values of a tag, 0 if it is absent.
+    pub(super) fn count(&self, directory: &Directory, tag: Tag) -> u64 {
+        directory.entries.get(&tag).map_or(0, |entry| entry.count)
     }
 }
 

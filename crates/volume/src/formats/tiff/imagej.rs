@@ -53,6 +53,7 @@ impl Description {
     }
 }
 
+#[cfg(feature = "tiff")]
 #[cfg(test)]
 mod tests {
     use super::*;

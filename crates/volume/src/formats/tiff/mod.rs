@@ -28,7 +28,8 @@ mod page;
 mod reader;
 #[cfg(feature = "tiff")]
 mod stack;
-#[cfg(all(test, feature = "tiff"))]
+#[cfg(feature = "tiff")]
+#[cfg(test)]
 mod tests;
 
 use std::io::BufReader;
