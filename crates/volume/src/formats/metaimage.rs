@@ -267,6 +267,7 @@ mod tests {
         }
     }
 
+    #[cfg_attr(not(feature = "gzip"), ignore = "needs gzip")]
     #[test]
     fn every_encoding_in_one_file_or_two() {
         let folder = Folder::new();
@@ -316,6 +317,7 @@ mod tests {
         }
     }
 
+    #[cfg_attr(not(feature = "gzip"), ignore = "needs gzip")]
     #[test]
     fn headers_that_are_wrong_are_refused() {
         let folder = Folder::new();

@@ -344,6 +344,7 @@ mod tests {
         }
     }
 
+    #[cfg_attr(not(all(feature = "bzip2", feature = "gzip")), ignore = "needs bzip2 and gzip")]
     #[test]
     fn every_encoding() {
         let folder = Folder::new();
@@ -366,6 +367,7 @@ mod tests {
         }
     }
 
+    #[cfg_attr(not(feature = "gzip"), ignore = "needs gzip")]
     #[test]
     fn bytes_and_lines_are_skipped() {
         let folder = Folder::new();
@@ -439,6 +441,7 @@ mod tests {
         }
     }
 
+    #[cfg_attr(not(feature = "gzip"), ignore = "needs gzip")]
     #[test]
     fn headers_that_are_wrong_are_refused() {
         let folder = Folder::new();

@@ -301,6 +301,7 @@ mod tests {
         }
     }
 
+    #[cfg_attr(not(all(feature = "gzip", feature = "npz")), ignore = "needs gzip and npz")]
     #[test]
     fn the_name_decides_if_the_content_is_inconclusive() {
         let folder = Folder::new();
@@ -364,5 +365,27 @@ mod tests {
         assert_eq!(read(&path, &ReadOptions::default()).unwrap().0, volume());
         let error = read(&path.with_extension("none"), &ReadOptions::default()).unwrap_err().to_string();
         assert!(error.contains("odd\\xff.none"), "{error}");
+    }
+
+    /// Each feature is off in some build: the error names it, and the registry keeps the format.
+    #[test]
+    fn formats_that_are_compiled_out_say_so() {
+        let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+        for (path, name, feature) in [
+            (fixtures.join("volumes/u8_stored.npz"), "npz", cfg!(feature = "npz")),
+            (fixtures.join("pictures/plain.tif"), "tiff", cfg!(feature = "tiff")),
+            (fixtures.join("pictures/png"), "images", cfg!(feature = "images")),
+            (fixtures.join("volumes/u8_pynrrd_bzip2.nrrd"), "bzip2", cfg!(feature = "bzip2")),
+            (fixtures.join("volumes/u8_nifti1_gz.nii.gz"), "gzip", cfg!(feature = "gzip")),
+        ] {
+            match read(&path, &ReadOptions::new()) {
+                Ok(_) => assert!(feature, "{name}"),
+                Err(error) => {
+                    assert!(!feature, "{error}");
+                    assert!(error.to_string().contains(&format!("lacks the feature `{name}`")), "{error}");
+                }
+            }
+        }
+        assert!(["tiff", "npz", "vox"].into_iter().all(|name| crate::formats::find(name).is_some()));
     }
 }

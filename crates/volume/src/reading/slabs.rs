@@ -198,6 +198,7 @@ mod tests {
         #![proptest_config(hlacdb_testing::cases(48))]
 
         /// Every type, byte order, number of channels, rule and size of slabs: voxels and mapping are those of the whole.
+        #[cfg_attr(not(feature = "gzip"), ignore = "needs gzip")]
         #[test]
         fn slabs_are_the_whole(
             shape in prop::array::uniform3(3_usize..12),
@@ -261,6 +262,7 @@ mod tests {
         }
     }
 
+    #[cfg_attr(not(feature = "gzip"), ignore = "needs gzip")]
     #[test]
     fn a_truncated_or_damaged_file_fails_as_it_does_whole() {
         let folder = Folder::new();

@@ -3,9 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use hlacdb_volume::{
-    Endian, Intensity, RawLayout, ReadOptions, SampleType, Volume, VolumeError, VolumeSource, formats,
-};
+use hlacdb_volume::{Endian, Intensity, RawLayout, ReadOptions, SampleType, Volume, VolumeError, VolumeSource};
 
 use hlacdb_testing::data;
 
@@ -139,26 +137,4 @@ fn real_volumes_are_what_numpy_computes_from_other_readers() {
             assert_eq!(placed_sum(&volume), expected, "{name} under {intensity}");
         }
     }
-}
-
-/// Each feature is off in some build: the error names it, and the registry keeps the format.
-#[test]
-fn formats_that_are_compiled_out_say_so() {
-    let pictures = crate::support::fixtures().join("pictures");
-    for (path, name, feature) in [
-        (fixtures().join("u8_stored.npz"), "npz", cfg!(feature = "npz")),
-        (pictures.join("plain.tif"), "tiff", cfg!(feature = "tiff")),
-        (pictures.join("png"), "images", cfg!(feature = "images")),
-        (fixtures().join("u8_pynrrd_bzip2.nrrd"), "bzip2", cfg!(feature = "bzip2")),
-        (fixtures().join("u8_nifti1_gz.nii.gz"), "gzip", cfg!(feature = "gzip")),
-    ] {
-        match hlacdb_volume::read(&path, &ReadOptions::new()) {
-            Ok(_) => assert!(feature, "{name}"),
-            Err(error) => {
-                assert!(!feature, "{error}");
-                assert!(error.to_string().contains(&format!("lacks the feature `{name}`")), "{error}");
-            }
-        }
-    }
-    assert!(["tiff", "npz", "vox"].into_iter().all(|name| formats::find(name).is_some()));
 }

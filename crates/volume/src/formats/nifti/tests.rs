@@ -80,6 +80,7 @@ fn forms() -> impl Iterator<Item = Written> {
     [false, true].into_iter().flat_map(move |two| endians.map(|endian| Written::new(two, endian)))
 }
 
+#[cfg_attr(not(feature = "gzip"), ignore = "needs gzip")]
 #[test]
 fn every_form_type_and_byte_order() {
     let folder = Folder::new();
@@ -106,6 +107,7 @@ fn every_form_type_and_byte_order() {
     }
 }
 
+#[cfg_attr(not(feature = "gzip"), ignore = "needs gzip")]
 #[test]
 fn both_names_of_a_pair_lead_to_it() {
     let image = encode(&samples(), SampleType::I16, Endian::Big);
@@ -195,6 +197,7 @@ fn colours_are_interleaved_or_a_vector_axis() {
     assert!(matches!(folder.read("a.nii", both.single(SampleType::U8)), Err(VolumeError::Malformed { .. })));
 }
 
+#[cfg_attr(not(feature = "gzip"), ignore = "needs gzip")]
 #[test]
 fn offsets_are_used_and_corrected() {
     let folder = Folder::new();
@@ -214,6 +217,7 @@ fn offsets_are_used_and_corrected() {
     }
 }
 
+#[cfg_attr(not(feature = "gzip"), ignore = "needs gzip")]
 #[test]
 fn headers_that_are_wrong_are_refused() {
     let folder = Folder::new();
