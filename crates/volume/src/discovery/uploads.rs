@@ -13,11 +13,11 @@ use crate::formats::{self, has_ending};
 ///
 /// ```
 /// let folder = tempfile::tempdir()?;
-/// for name in ["core.nhdr", "core.raw", "notes.txt"] {
+/// for name in ["core.nhdr", "core.raw", "notes.md"] {
 ///     std::fs::write(folder.path().join(name), "")?;
 /// }
 /// let found = hlacdb_volume::uploaded_volumes(folder.path())?;
-/// assert!(found[0].ends_with("core.nhdr") && found[1].ends_with("notes.txt"));
+/// assert!(found[0].ends_with("core.nhdr") && found[1].ends_with("notes.md"));
 /// # Ok::<(), std::io::Error>(())
 /// ```
 ///
