@@ -141,7 +141,7 @@ on("a texture: slices, scrubbers, moments", "#/texture/12", async (page) => {
   assert.match(await page.locator(".readout").innerText(), /ins/);
 });
 
-on("tags are set and taken away", "#/texture/5", async (page) => {
+on("tags are set and removed", "#/texture/5", async (page) => {
   await page.getByLabel("Key of a new tag").fill("seen");
   await page.getByLabel("Its value").fill("yes");
   await page.getByRole("button", { name: "Set" }).click();
@@ -178,15 +178,15 @@ on("several hits are marked, searched by together, and compared", "#/query?ids=1
   await hits(page, 9);
   for (const at of [0, 1]) await page.locator(".hit input[type=checkbox]").nth(at).check();
   await page.getByText("2 marked").waitFor();
-  const compare = await page.getByRole("link", { name: "Compare" }).getAttribute("href");
+  const compare = await page.locator(".tray").getByRole("link", { name: "Compare" }).getAttribute("href");
   await page.getByRole("link", { name: "Find similar to all" }).click();
   await page.locator(".examples.several").waitFor();
   assert.equal(await page.locator(".example").count(), 2);
   await page.locator(".hit").first().waitFor();
-  await page.getByLabel("join").selectOption("min");
+  await page.getByLabel("combine").selectOption("min");
   await page.waitForFunction(() => /combine=min/.test(location.hash));
   await page.evaluate((address) => { location.hash = address; }, compare);
-  await page.getByRole("heading", { name: "What sets them apart" }).waitFor();
+  await page.getByRole("heading", { name: "How they differ" }).waitFor();
   await page.waitForFunction(() => document.querySelectorAll("canvas.volume[data-drawn=yes]").length === 2, null, { timeout: 30000 });
   const before = await Promise.all([0, 1].map((at) => pixels(page, `.compare-one:nth-child(${at + 1}) canvas.volume`)));
   await page.locator("canvas.volume").first().focus();

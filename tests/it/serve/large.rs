@@ -56,17 +56,17 @@ fn queries_stay_exact_after_mass_removal_in_a_running_server() {
     let writer = fill(&path);
     let reader = OpenOptions::new().read_only(true).open(&path).unwrap();
     let server = TestServer::serving(folder, reader, ServerOptions::new().read_only(true));
-    let asked = [1, 77, 1234, 4000, 8999];
-    let before: Vec<Vec<(u64, f64)>> = asked.iter().map(|&id| hits(&server, id, TEXTURES, "default")).collect();
+    let queried = [1, 77, 1234, 4000, 8999];
+    let before: Vec<Vec<(u64, f64)>> = queried.iter().map(|&id| hits(&server, id, TEXTURES, "default")).collect();
     // Enough queries that a tree is worth building.
     for id in 1..=40 {
         assert_eq!(hits(&server, id, 1, "default")[0], (id, 0.0));
     }
-    let removed: Vec<u64> = (1..=TEXTURES).filter(|id| id % 5 < 2 && !asked.contains(id)).collect();
+    let removed: Vec<u64> = (1..=TEXTURES).filter(|id| id % 5 < 2 && !queried.contains(id)).collect();
     assert!(removed.len() > 2048 && removed.len() as u64 > TEXTURES / 4);
     writer.remove(&removed).unwrap();
     for _ in 0..12 {
-        for (id, ranking) in asked.iter().zip(&before) {
+        for (id, ranking) in queried.iter().zip(&before) {
             let expected: Vec<(u64, f64)> =
                 ranking.iter().filter(|(id, _)| removed.binary_search(id).is_err()).take(30).copied().collect();
             assert_eq!(hits(&server, *id, 30, "default"), expected, "the nearest to {id}");
@@ -83,25 +83,25 @@ fn two_spaces_load_at_the_same_time() {
     let path = folder.path().join("large.hlacdb");
     drop(fill(&path));
     let spaces = ["default", "paper"];
-    let asked = [3_u64, 500, 7777];
+    let queried = [3_u64, 500, 7777];
     let open = || OpenOptions::new().read_only(true).open(&path).unwrap();
     let serve = || TestServer::serving(tempfile::tempdir().unwrap(), open(), ServerOptions::new().read_only(true));
-    // One after the other, as the reference.
-    let calm = serve();
+    // The reference: one query after another.
+    let reference = serve();
     let expected: BTreeMap<(&str, u64), Vec<(u64, f64)>> =
-        spaces.iter().flat_map(|space| asked.map(|id| ((*space, id), hits(&calm, id, 20, space)))).collect();
+        spaces.iter().flat_map(|space| queried.map(|id| ((*space, id), hits(&reference, id, 20, space)))).collect();
     assert_ne!(expected[&("default", 3)], expected[&("paper", 3)]);
-    let busy = serve();
+    let server = serve();
     let start = Barrier::new(8);
     std::thread::scope(|scope| {
         for client in 0..8 {
-            let (busy, start, expected) = (&busy, &start, &expected);
+            let (server, start, expected) = (&server, &start, &expected);
             scope.spawn(move || {
                 start.wait();
                 for turn in 0..6 {
                     let space = spaces[(client + turn) % 2];
-                    let id = asked[(client / 2 + turn) % 3];
-                    assert_eq!(hits(busy, id, 20, space), expected[&(space, id)], "{space}, {id}");
+                    let id = queried[(client / 2 + turn) % 3];
+                    assert_eq!(hits(server, id, 20, space), expected[&(space, id)], "{space}, {id}");
                 }
             });
         }
