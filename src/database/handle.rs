@@ -43,6 +43,12 @@ pub struct Database {
     pub(crate) reading_catalogue: Mutex<()>,
 }
 
+impl std::fmt::Debug for Database {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Database").field("path", &self.path).finish_non_exhaustive()
+    }
+}
+
 impl Database {
     /// The path of the store.
     pub fn path(&self) -> &Path {
